@@ -177,6 +177,7 @@ class Derived:
     reason: str
     html: Path
     tex: Path
+    pdf: Path | None = None
 
 
 @dataclass(frozen=True)

@@ -71,8 +71,9 @@ def _of(
             return _power(node, operands, text)
         case tree.Negative():
             return operands[0]
-        case tree.Call():
-            return _call(node, operands, text)
+        case tree.Call(function):
+            table = f"{function}()" in known
+            return (_table if table else _call)(node, operands, text, known)
         case tree.Vector(entries):
             return _alike(entries, operands, "list", text)
 
@@ -196,7 +197,20 @@ def _bare_factor(node: Expression) -> tree.Number | None:
     return None
 
 
-def _call(node: tree.Call, operands: list[Inferred], text: str) -> Inferred:
+def _table(
+    node: tree.Call, operands: list[Inferred], text: str, known: Mapping[str, Inferred]
+) -> Inferred:
+    """What `known` has as NAME( of the argument and as NAME() of the value."""
+    wanted = known[f"{node.function}("]
+    if isinstance(operands[0], tuple) and operands[0] != wanted:
+        message = f"{node.function}() of {named(operands[0])}"
+        raise FormulaError(message, text, node.arguments[0].at, named(_solid(wanted)))
+    return known[f"{node.function}()"]
+
+
+def _call(
+    node: tree.Call, operands: list[Inferred], text: str, known: Mapping[str, Inferred]
+) -> Inferred:
     rule = FUNCTIONS[node.function].units if node.function in FUNCTIONS else "output"
     if rule == "number":
         _plain(operands[0], node.arguments[0], f"{node.function}() of a quantity", text)
@@ -208,4 +222,20 @@ def _call(node: tree.Call, operands: list[Inferred], text: str) -> Inferred:
     if rule in ("same", "ratio"):
         common = _alike(node.arguments, operands, "compare", text)
         return common if rule == "same" else NUMBER
+    if rule == "pieces":
+        return _pieces(node, operands, text)
     return NUMBER if rule == "sign" else UNKNOWN
+
+
+def _pieces(node: tree.Call, operands: list[Inferred], text: str) -> Inferred:
+    """Of x and the places between pieces, all alike, and of the pieces, all alike."""
+    if len(operands) % 2:
+        raise FormulaError(
+            f"piecewise() with {len(operands)} arguments",
+            text,
+            node.at,
+            "x, a formula, and then pairs: where the next begins, and its formula",
+        )
+    places = (node.arguments[0], *node.arguments[2::2])
+    _alike(places, [operands[0], *operands[2::2]], "compare", text)
+    return _alike(node.arguments[1::2], operands[1::2], "compare", text)

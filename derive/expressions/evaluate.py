@@ -6,7 +6,7 @@ A table of functions makes the difference.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -14,6 +14,8 @@ import casadi as ca
 from derive.expressions import tree
 from derive.expressions.limits import objection, too_large
 from derive.expressions.mistakes import FormulaError
+from derive.expressions.pieces import pieces
+from derive.expressions.tables import Table, spline
 from derive.expressions.tree import Expression
 
 Functions = Mapping[str, Callable[..., Any]]
@@ -166,7 +168,10 @@ _FLOAT: dict[str, Callable[..., Any]] = {
         "log",
         "sqrt",
     )
-} | {"abs": abs, "min": min, "max": max, "sign": _sign}
+} | {
+    **{"abs": abs, "min": min, "max": max, "sign": _sign},
+    **pieces(lambda a, b, x, y: x if a < b else y, math.tanh, math.sqrt),
+}
 
 
 def float_functions() -> Functions:
@@ -187,7 +192,22 @@ def casadi_functions() -> Functions:
         "abs": ca.fabs,
         "min": _over_all(ca.fmin),
         "max": _over_all(ca.fmax),
+        **pieces(lambda a, b, x, y: _either(a < b, x, y), ca.tanh, ca.sqrt),
     }
+
+
+def casadi_tables(tables: Iterable[Table]) -> Functions:
+    """Those of a model for casadi.SX."""
+    return {table.name: spline(table, ca.fmin, ca.fmax) for table in tables}
+
+
+def float_tables(tables: Iterable[Table]) -> Functions:
+    """Those of a model for Python floats."""
+    return {table.name: spline(table, min, max) for table in tables}
+
+
+def _either(condition: Any, x: Any, y: Any) -> Any:
+    return ca.if_else(condition, x, y)  # pyright: ignore[reportUnknownMemberType,reportAttributeAccessIssue,reportUnknownVariableType]
 
 
 def _over_all(function: Callable[[Any, Any], Any]) -> Callable[..., Any]:

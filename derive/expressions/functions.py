@@ -8,8 +8,8 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class Function:
     """`arity` is (least, most). `units`: "number" takes and gives plain numbers, "same" keeps the
-    unit of its arguments, "root" halves it, "ratio" takes equal units and gives a number, "sign"
-    takes any and gives a number."""
+    unit of its arguments, "pieces" that of every other one, "root" halves it, "ratio" takes equal
+    units and gives a number, "sign" takes any and gives a number."""
 
     name: str
     arity: tuple[int, int]
@@ -35,6 +35,10 @@ _TABLE = (
     Function("sign", (1, 1), "sign", "-1, 0 or 1"),
     Function("min", (2, 16), "same", "the smallest"),
     Function("max", (2, 16), "same", "the largest"),
+    Function("step", (1, 2), "ratio", "0, and 1 from zero on; smooth over a width"),
+    Function("ramp", (1, 2), "same", "0, and the argument from zero on; smooth over a width"),
+    Function("clip", (3, 4), "same", "no less than the second, no more than the third"),
+    Function("piecewise", (4, 32), "pieces", "x, f0, x1, f1 …: f0 below x1, f1 from there on …"),
 )
 FUNCTIONS = {function.name: function for function in _TABLE}
 

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
-from derive.expressions.evaluate import casadi_functions, number, value
+from derive.expressions.evaluate import number, value
 from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
 from derive.linearize.limits import (
@@ -145,7 +145,7 @@ def _values_by_name(equations: Equations, motion: SteadyMotion, s: ca.SX) -> dic
     names = dict(system.symbols.names) | {name: s[k] for k, name in enumerate(motion.sweepable)}
     wanted = {i.name: ca.SX(0) for i in system.model.inputs if i.name not in motion.free}
     return wanted | {
-        name: ca.SX(value(e, names, system.symbols.rates, casadi_functions()))
+        name: ca.SX(value(e, names, system.symbols.rates, system.symbols.functions))
         for name, e in motion.values
     }
 

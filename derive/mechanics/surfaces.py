@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError
-from derive.expressions.evaluate import casadi_functions, value
+from derive.expressions.evaluate import value
 from derive.expressions.tree import Expression
 from derive.mechanics.limits import FEET, FLAT_SURFACE, STEPS_TO_FOOT, STEPS_TO_SURFACE
 from derive.mechanics.scene import IN_PLANE, Scene
@@ -19,7 +19,7 @@ def surface_over(scene: Scene, surface: Expression, span: Span) -> tuple[ca.SX, 
     names. Raises AssumptionError where the slope vanishes wherever the formula does."""
     s, point = scene.symbols, ca.SX.sym("point", 3)
     names = s.names | dict(zip("xyz", ca.vertsplit(point)))
-    f = ca.SX(value(surface, names, s.rates, casadi_functions()))
+    f = ca.SX(value(surface, names, s.rates, s.functions))
     _check_slope(scene, f, point, span)
     return f, point
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.expressions.evaluate import casadi_functions, value
+from derive.expressions.evaluate import Functions, casadi_functions, casadi_tables, value
 from derive.expressions.scalars import Scalar, Vector
 from derive.expressions.tree import Expression, Name, walk
 from derive.model.records import Model
@@ -28,11 +28,12 @@ class Symbols:
     qd: ca.SX
     names: dict[str, Scalar]
     rates: dict[str, Scalar]
+    functions: Functions  # of formulas
 
     def scalar(self, expression: Expression) -> Scalar:
         """The formula over these symbols; a float where only numbers and constant parameters
         occur."""
-        result = value(expression, self.names, self.rates, casadi_functions())
+        result = value(expression, self.names, self.rates, self.functions)
         return float(result) if not isinstance(result, ca.SX) or result.is_constant() else result
 
     def reactions(self, rows: Iterable[str]) -> ca.SX:
@@ -69,8 +70,9 @@ def symbols(model: Model, constants: Collection[str]) -> Symbols:
     names |= {x.name: u[i] for i, x in enumerate(model.inputs)}
     names["t"] = t
     names |= {f"reaction.{row}": ca.SX.sym(f"reaction_{row}") for row in row_names(model)}
+    functions = {**casadi_functions(), **casadi_tables(model.tables)}
     rates: dict[str, Scalar] = {x.name: qd[i] for i, x in enumerate(model.coordinates)}
-    result = Symbols(t, q, v, u, p, tuple(x.value for x in free), qd, names, rates)
+    result = Symbols(t, q, v, u, p, tuple(x.value for x in free), qd, names, rates, functions)
     define(model, result)
     return result
 

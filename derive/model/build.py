@@ -12,12 +12,14 @@ from derive.model import (
     events,
     extremes,
     frames,
+    letters,
     mechanism,
     motions,
     named_frames,
     paths,
     published,
     steady,
+    tables,
     ties,
 )
 from derive.model.collisions import check_collisions
@@ -42,12 +44,14 @@ def built(document: Document, source: Source) -> Model:
     formulas that use names which are not known would all be reported in their wake."""
     reader = Reader(source, Space(document.plane or ""))
     _check_head(reader, document)
+    curves = tables.tables(reader, document)
     joints, names = _names(reader, document)
     reader.finish()
     model = _model(reader, document, joints, names)
     model = replace(
         model,
         measures=tuple(reader.measures.found.values()),
+        tables=curves,
         paths=tuple(reader.paths.values()),
     )
     reader.finish()
@@ -147,6 +151,8 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             named_frames.named_frame(reader, document, key, entry)
             for key, entry in document.frames.items()
         ),
+        symbols=letters.letters(reader, document, names.coordinates),
+        body_symbols=letters.of_bodies(reader, document),
         choices=motions.choices(reader, document),
         initial=motions.initial(reader, document, joints),
         steady_motions=tuple(

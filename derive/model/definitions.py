@@ -75,16 +75,20 @@ def definitions(reader: Reader, document: Document) -> tuple[tuple[str, Expressi
     entries = {str(key): (key, scalar) for key, scalar in document.where.items()}
     names = {*reader.scope.symbols, *entries}
     parsed = {
-        reader.name(key): _parsed(scalar, names, entries) for key, scalar in document.where.items()
+        reader.name(key): _parsed(reader, scalar, names, entries)
+        for key, scalar in document.where.items()
     }
     order = _order(reader, parsed, entries)
     return tuple((name, _definition(reader, name, entries[name][1])) for name in order)
 
 
-def _parsed(scalar: Scalar, names: set[str], entries: dict[str, tuple[Key, Scalar]]) -> set[str]:
+def _parsed(
+    reader: Reader, scalar: Scalar, names: set[str], entries: dict[str, tuple[Key, Scalar]]
+) -> set[str]:
     """The definitions a definition uses; errors are reported when it is read in its turn."""
     try:
-        nodes = tree.walk(expression(scalar.text, names, WITH_KINEMATICS, vectors=True))
+        functions = WITH_KINEMATICS | reader.functions
+        nodes = tree.walk(expression(scalar.text, names, functions, vectors=True))
     except FormulaError:
         return set()
     leaves = [node for node in nodes if isinstance(node, tree.Name | tree.Rate)]

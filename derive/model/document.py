@@ -184,7 +184,11 @@ def parsed(source: Source) -> Entries:
     except yaml.YAMLError as error:
         source.refuse(Span(1, 1, file=source.number), f"not valid YAML: {error}".splitlines()[0])
     if node is None or (isinstance(node, Scalar) and not node.text):
-        source.refuse(Span(1, 1, file=source.number), "the file is empty", "a mapping that starts with `model: a_name`")
+        source.refuse(
+            Span(1, 1, file=source.number),
+            "the file is empty",
+            "a mapping that starts with `model: a_name`",
+        )
     if not isinstance(node, Entries):
         source.refuse(
             _opening(node.span),
@@ -213,7 +217,9 @@ def _refuse_yaml(source: Source, error: yaml.MarkedYAMLError) -> NoReturn:
     span = Span(line, column, file=source.number)
     text = source.lines[span.line - 1] if span.line <= len(source.lines) else ""
     if "\t" in text[: len(text) - len(text.lstrip())]:
-        source.refuse(replace(span, column=text.index("\t") + 1), "a tab in the indentation", "spaces")
+        source.refuse(
+            replace(span, column=text.index("\t") + 1), "a tab in the indentation", "spaces"
+        )
     since = ""
     if error.context and error.context_mark and error.context_mark.line + 1 != span.line:
         since = f" ({error.context} that starts on line {error.context_mark.line + 1})"
@@ -252,7 +258,9 @@ class _Builder:
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent) and node is not None:
                 self.source.refuse(
-                    _span(event, self.source.number), "a second document in the file", "one model per file"
+                    _span(event, self.source.number),
+                    "a second document in the file",
+                    "one model per file",
                 )
             if isinstance(event, yaml.NodeEvent):
                 node = self.node(event, 0)
@@ -318,7 +326,9 @@ class _Builder:
             self.node(event, 0) if isinstance(event, yaml.ScalarEvent | yaml.AliasEvent) else None
         )
         if not isinstance(node, Scalar):
-            self.source.refuse(_span(event, self.source.number), "a list or a mapping as a key", "a name")
+            self.source.refuse(
+                _span(event, self.source.number), "a list or a mapping as a key", "a name"
+            )
         return Key(node.text, node.span)
 
     def scalar(self, event: Any) -> Scalar:

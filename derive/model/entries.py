@@ -251,11 +251,32 @@ class EventEntry(Entry):
 class ParameterEntry(Entry):
     value: Formula = Field(description="Number with its unit, such as 0.2 m.")
     about: Formula | None = Field(None, description="What it is, for readers.")
+    symbol: Formula | None = Field(
+        None, description="How its name is typeset, such as \\delta_{1}."
+    )
+
+
+class TableEntry(Entry):
+    """A function of one number by points, joined by a cubic spline."""
+
+    file: Formula | None = Field(
+        None, description="A CSV file of two columns, in the folder of the model or below."
+    )
+    points: Nested | None = Field(None, description="Or the points: [[x, y], …].")
+    units: Point | None = Field(None, description="Units of x and y; plain numbers if left out.")
+    smooth: Formula | None = Field(
+        None,
+        description="C2, the natural spline (when left out), or C1, which keeps rising rising.",
+    )
+    about: Formula | None = Field(None, description="What it is, for readers.")
 
 
 class CoordinateEntry(Entry):
     unit: Formula = Field(description="Unit of the coordinate, such as m or rad.")
     about: Formula | None = Field(None, description="What it is, for readers.")
+    symbol: Formula | None = Field(
+        None, description="How its name is typeset, such as \\delta_{1}."
+    )
 
 
 class TurnedEntry(Entry):
@@ -349,6 +370,9 @@ class BodyEntry(Entry):
         "sets); true when left out.",
     )
     about: Formula | None = Field(None, description="What it is, for readers.")
+    symbol: Formula | None = Field(
+        None, description="How its name is typeset, such as \\delta_{1}."
+    )
 
 
 class OrientationEntry(Entry):
@@ -388,6 +412,9 @@ class JointEntry(TurnedEntry):
     type: Formula = Field(description="Kind of joint.")
     parent: Formula = Field(description="A body, or ground.")
     child: Formula = Field(description="A body; each is the child of one joint.")
+    symbol: Formula | None = Field(
+        None, description="How the name of its first coordinate is typeset, such as \\delta_{1}."
+    )
     at: JointPlace | None = Field(
         None,
         description="Where the joint is: a point of the parent, one of the parent and one of "

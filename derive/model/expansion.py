@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.expressions.parser import quantity, unit
@@ -29,8 +31,7 @@ def expanded(node: Entries, source: Source) -> Entries:
     """
     if not _COMPOSED.search(source.text):
         return node
-    here = (source.folder / source.file).resolve().name if source.folder else source.file
-    return _Writer(source).whole(node, _Use((here,), ""))
+    return _Writer(source).whole(node, _Use((Path(source.file).name,), ""))
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,9 @@ class _Writer:
         name, text = file_beside(self.source, given)
         if name in use.files:
             circle = " → ".join((*use.files[use.files.index(name) :], name))
-            self.source.refuse(given.span, f"'{name}' uses itself: {circle}", "files without a circle")
+            self.source.refuse(
+                given.span, f"'{name}' uses itself: {circle}", "files without a circle"
+            )
         if len(use.files) > DEEPEST:
             self.source.refuse(given.span, "submodels inside each other", f"at most {DEEPEST} deep")
         return name, text
@@ -119,7 +122,7 @@ class _Writer:
     def _check_parameters(self, entry: SubmodelEntry, inner: Entries, name: str) -> None:
         """That parameters are those of the file."""
         section = inner.get("parameters")
-        known = section if isinstance(section, Entries) else {}
+        known: dict[str, Any] = section if isinstance(section, Entries) else {}
         for given, number in entry.parameters.items():
             if given in known:
                 self._check_unit(given, number, known[given], name)

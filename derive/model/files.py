@@ -37,5 +37,6 @@ def file_beside(source: Source, given: Scalar, most: int = LARGEST) -> tuple[str
 
 def _home_of(source: Source, given: Scalar) -> Path:
     """The folder of the file in which the name stands."""
-    own = source.others[given.span.file - 1].file if given.span.file else source.file
-    return Path(own).resolve().parent
+    if given.span.file:
+        return Path(source.others[given.span.file - 1].file).resolve().parent
+    return source.folder or Path()

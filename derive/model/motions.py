@@ -207,7 +207,10 @@ def output(reader: Reader, document: Document, names: Names, key: Key, scalar: S
     reader.name(key)
     try:
         parsed = expression(
-            scalar.text, reader.scope.symbols, WITH_KINEMATICS | OUTPUT_FUNCTIONS, vectors=True
+            scalar.text,
+            reader.scope.symbols,
+            WITH_KINEMATICS | reader.functions | OUTPUT_FUNCTIONS,
+            vectors=True,
         )
         formula, unit = _output(reader, document, parsed, scalar.text)
     except FormulaError as error:

@@ -57,6 +57,7 @@ class Reader:
         self.units: dict[str, str] = {}  # of the parameters
         self.definitions: dict[str, Expression] = {}
         self.measures = Measures()
+        self.functions: dict[str, Function] = dict(FUNCTIONS)  # and the model's tables
         self.paths: dict[str, Path] = {}
         self.problems: list[Diagnostic] = []
         self.notes: list[str] = []  # what is taken otherwise than a reader might expect
@@ -164,10 +165,14 @@ class Reader:
             return self._of_unit(plain, scalar.text, where, wanted)
         text = scalar.text
         names = self.scope.usable(allowed)
+        known = self.functions if functions is FUNCTIONS else functions
         if functions is FUNCTIONS and speaks_of_motion(text):
-            parsed = self.rewritten(expression(text, names, WITH_KINEMATICS, vectors=True), text)
+            every = WITH_KINEMATICS | self.functions
+            parsed = self.rewritten(expression(text, names, every, vectors=True), text)
         else:
-            parsed = expression(text, names=names, functions=functions)
+            parsed = expression(text, names=names, functions=known)
+        if allowed == CONSTANT:
+            _check_calls(parsed, where, text)
         resolved = self.scope.resolved(parsed, allowed, where, text)
         self.check_unit(resolved, where, wanted, text)
         if functions is FUNCTIONS:
@@ -194,7 +199,8 @@ class Reader:
         """FormulaError where a formula of parameters alone has no admissible value at their
         defaults."""
         leaves = (n for n in tree.walk(formula) if isinstance(n, tree.Name | tree.Rate))
-        if all(isinstance(n, tree.Name) and n.name in self.values for n in leaves):
+        known = all(isinstance(n, tree.Name) and n.name in self.values for n in leaves)
+        if known and not _tabulated(formula):
             number(formula, self.values, text)
 
     def _of_unit(self, plain: Number, text: str, where: str, wanted: str) -> Number:
@@ -242,10 +248,17 @@ class Reader:
             )
         return found
 
+    def refuse_tables(self, formula: Expression, scalar: Scalar, where: str) -> None:
+        """Note a table where none can stand."""
+        try:
+            _check_calls(formula, where, scalar.text)
+        except FormulaError as error:
+            self.fault(scalar, error)
+
     def value(self, formula: Expression, scalar: Scalar) -> float | None:
         """The number a formula of parameters has with their defaults; None where it was reported or
         has none."""
-        if any(
+        if _tabulated(formula) or any(
             (isinstance(n, tree.Name) and n.name not in self.values) or isinstance(n, tree.Rate)
             for n in tree.walk(formula)
         ):
@@ -328,6 +341,20 @@ class Reader:
         if found is None:
             self.report(span, f"{where} of length zero", "a direction")
         return found or self.space.normal
+
+
+def _tabulated(formula: Expression) -> bool:
+    """Whether the formula uses a table."""
+    calls = (node for node in tree.walk(formula) if isinstance(node, tree.Call))
+    return any(call.function not in FUNCTIONS for call in calls)
+
+
+def _check_calls(parsed: Expression, where: str, text: str) -> None:
+    """A number that is needed before anything moves is no value of a table."""
+    for node in tree.walk(parsed):
+        if isinstance(node, tree.Call) and node.function not in FUNCTIONS:
+            message = f"the table '{node.function}' in {where}"
+            raise FormulaError(message, text, node.at, "a formula without tables")
 
 
 def _advice(formula: Expression, missing: Dimension, text: str) -> str:

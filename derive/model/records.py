@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from derive.diagnostics import Diagnostic
+from derive.expressions.tables import Table
 from derive.expressions.tree import ONE, ZERO, Expression
 
 Vector3 = tuple[Expression, Expression, Expression]
@@ -352,9 +353,12 @@ class Model:
     extremes: tuple[Extreme, ...] = ()
     events: tuple[Event, ...] = ()
     frames: tuple[NamedFrame, ...] = ()  # those of `frames:`; bodies and joints have theirs
+    symbols: tuple[tuple[str, str], ...] = ()  # of parameters and coordinates, as LaTeX
+    body_symbols: tuple[tuple[str, str], ...] = ()
     measures: tuple[Measure, ...] = ()  # kinematics that formulas use
     paths: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
+    tables: tuple[Table, ...] = ()
     sources: tuple[tuple[str, str], ...] = ()  # name and text of the files it refers to
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[

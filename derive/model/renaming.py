@@ -19,17 +19,20 @@ from derive.joints import JOINTS
 from derive.model.composition import SubmodelEntry
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source
 from derive.model.records import GROUND
-from derive.model.repetition import WORDS
+from derive.model.repetition import WORDS, with_called
 
 # sections whose keys are names, and that a part brings along
 SECTIONS = (
-    "parameters", "where", "bodies", "joints", "closures", "frames", "paths", "constraints",
+    "parameters", "where", "tables", "bodies", "joints", "closures", "frames", "paths",
+    "constraints",
     "loads", "inputs", "outputs", "events",
 )  # fmt: skip
 # what a whole says for all its parts
 OF_THE_WHOLE = frozenset(
-    "model description plane gravity redundant quasi_velocities steady_motion reference "
-    "extremes".split()
+    {
+        *("model", "description", "plane", "gravity", "redundant", "quasi_velocities"),
+        *("steady_motion", "reference", "extremes"),
+    }
 )
 # what has no parts, and why a file with it is none
 WHOLE_ONLY = ("coordinates", "kinetic", "potential", "forces")
@@ -74,7 +77,7 @@ def with_parameters(node: Entries, key: Key, entry: SubmodelEntry) -> Entries:
     section = _entries(node, "parameters")
     numbers = {name: value for name, value in entry.parameters.items() if _is_number(value.text)}
     kept = {
-        name: numbers.get(name, value)
+        section.key(name): entry.parameters[section.key(name)] if name in numbers else value
         for name, value in section.items()
         if name in numbers or name not in entry.parameters
     }
@@ -115,7 +118,8 @@ def as_part(node: Entries, key: Key, entry: SubmodelEntry, source: Source) -> En
         for name, value in formulas.items()
         if not _is_name(value.text)
     }
-    where = {**_entries(part, "where"), **defined}
+    own = _entries(part, "where")
+    where: dict[Key, Node] = {**{own.key(name): value for name, value in own.items()}, **defined}
     part = Entries({**part, **_section("where", where, part)}, part.span)
     return part if not _mounted(entry) else merged(part, _mount(key, entry), source)
 
@@ -161,7 +165,7 @@ def _mount(key: Key, entry: SubmodelEntry) -> Entries:
 def merged(whole: Entries, part: Entries, source: Source) -> Entries:
     """The entries of both; ModelError where both have one of the same name. What the whole says of
     the initial state goes before what the part says."""
-    out: dict[Key, Node] = dict(whole)
+    out: dict[Key, Node] = {whole.key(name): value for name, value in whole.items()}
     for key, given in part.items():
         assert isinstance(key, Key)
         if key in OF_THE_WHOLE:
@@ -265,7 +269,7 @@ def _places(text: str, known: frozenset[str]) -> tuple[tuple[int, str], ...]:
     """Where names of the part stand in a formula, the last first."""
     if quantity(text) is not None:
         return ()
-    formula = expression(text, names=known, functions=_CALLS, vectors=True)
+    formula = expression(text, names=known, functions=with_called(text, _CALLS), vectors=True)
     found: dict[int, str] = {}
     letters = {
         node.arguments[1].at
@@ -277,6 +281,8 @@ def _places(text: str, known: frozenset[str]) -> tuple[tuple[int, str], ...]:
             continue
         if isinstance(node, tree.Rate):
             found[text.index(node.name, node.at + 3)] = node.name
+        elif isinstance(node, tree.Call):
+            found[node.at] = node.function
         elif isinstance(node, tree.Name):
             first, _, rest = node.name.partition(".")
             if first == "reaction" and rest:

@@ -12,11 +12,13 @@ fixed by the names above it.
 
 from __future__ import annotations
 
+import operator
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
+from typing import Any
 
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
@@ -35,11 +37,14 @@ Binding = Mapping[str, Value]
 MOST = MOST_BODIES  # repetitions of one entry
 LARGEST = 10**9  # of an index, and of what is computed of indices
 # what stands under these keys is a word or for readers, and no formula
-WORDS = frozenset({"type", "about", "description", "euler", "unit", "source", "plane", "use"})
+WORDS = frozenset(
+    {"type", "about", "description", "euler", "unit", "source", "plane", "use", "file", "smooth"}
+)
 READERS = frozenset({"about", "description", "source"})
 _BRACES = re.compile(r"\{([^{}]*)\}")
 _RANGE = re.compile(r"\s*([+-]?\d{1,9})\s*\.\.\s*([+-]?\d{1,9})\s*\Z")
 _OPEN = re.compile(r"\s*[+-]?\d+\s*\.\.\s*\Z")
+_CALLED = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)\s*\(")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _INDEX_FUNCTIONS = {
     "mod": Function("mod", (2, 2), "number", "what is left of a division"),
@@ -140,7 +145,9 @@ class Repetition:
 
     def _refuse_twice(self, name: Key, first: Span) -> None:
         place = f"line {first.line}, column {first.column}"
-        self.source.refuse(name.span, f"'{name}' is given twice; first on {place}", "one of the two")
+        self.source.refuse(
+            name.span, f"'{name}' is given twice; first on {place}", "one of the two"
+        )
 
     def _entries(self, node: Items, bound: Binding, where: str, key: str) -> Iterator[Node]:
         for entry in node:
@@ -177,7 +184,9 @@ class Repetition:
         return [self.known[name] for name in wanted if name not in bound]
 
     def _refuse_unknown(self, name: str, span: Span) -> None:
-        hint = did_you_mean(name, self.known) or f"say repeat: {{{name}: 1..3}} at the top of the file"
+        hint = (
+            did_you_mean(name, self.known) or f"say repeat: {{{name}: 1..3}} at the top of the file"
+        )
         expected = listed(self.known) or "an index of `repeat:`"
         self.source.refuse(span, f"unknown index '{name}'", expected, hint)
 
@@ -187,9 +196,7 @@ class Repetition:
         text = self._braced(node.text, node.span, bound, where)
         if key not in WORDS and self.bare is not None and self.bare.search(text):
             text = _with_numbers(text, bound)
-        return Scalar(
-            text, _at(node.span, where), node.exact and text == node.text, node.plain
-        )
+        return Scalar(text, _at(node.span, where), node.exact and text == node.text, node.plain)
 
     def _readable(self, text: str, bound: Binding) -> bool:
         """Whether all braces of a text for readers are indices; others are its own."""
@@ -230,7 +237,7 @@ def _inside(text: str, bound: Binding) -> Value:
     for node in tree.walk(formula):
         if isinstance(node, tree.Name) and isinstance(bound[node.name], str):
             raise FormulaError(f"the index '{node.name}' is a word", expected="a number here")
-    functions = {**float_functions(), "mod": lambda a, b: a % b}
+    functions: Mapping[str, Callable[..., Any]] = {**float_functions(), "mod": operator.mod}
     floats = {name: float(given) for name, given in bound.items() if isinstance(given, int)}
     try:
         number = value(formula, floats, {}, functions)
@@ -241,10 +248,17 @@ def _inside(text: str, bound: Binding) -> Value:
     return int(number)
 
 
+def with_called(text: str, functions: Mapping[str, Function]) -> Mapping[str, Function]:
+    """The functions, and what else a text calls like one: tables, which are looked up later."""
+    called = {name for name in _CALLED.findall(text) if name not in functions and name != "der"}
+    return {**functions, **{name: Function(name, (1, 32), "table", "") for name in called}}
+
+
 def _with_numbers(text: str, bound: Binding) -> str:
     """A formula with the numbers of its indices in it; what is no formula stays as it is."""
     try:
-        formula = expression(text, names=bound, functions=_FORMULA_FUNCTIONS, vectors=True)
+        functions = with_called(text, _FORMULA_FUNCTIONS)
+        formula = expression(text, names=bound, functions=functions, vectors=True)
     except FormulaError:
         return text
     places = {

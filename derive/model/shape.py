@@ -30,6 +30,7 @@ from derive.model.entries import (
     Parameter,
     Point,
     ReferenceEntry,
+    TableEntry,
     WaypointEntry,
 )
 from derive.model.kind import Kind
@@ -81,6 +82,9 @@ class Document(Entry):
         {}, description="Coordinates of the analytic form, with units."
     )
     where: dict[Name, Formula] = Field({}, description="Names for formulas used in several places.")
+    tables: dict[Name, TableEntry] = Field(
+        {}, description="Functions of one number by points, for formulas."
+    )
     bodies: dict[Name, BodyEntry] = Field({}, description="Rigid bodies.")
     joints: dict[Name, JointEntry] = Field({}, description="The tree of joints from the ground.")
     closures: dict[Name, ClosureEntry] = Field({}, description="Joints that close loops.")

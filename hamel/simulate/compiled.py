@@ -25,6 +25,7 @@ from derive.formulations.charts import charted
 from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
+from derive.model.kinks import pieces
 from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
@@ -40,6 +41,7 @@ from hamel.simulate.automatic import picked
 from hamel.simulate.exact import state_of
 from hamel.simulate.files import check_page, writers
 from hamel.simulate.inputs import Changes, Changing, changes
+from hamel.simulate.kinks import check_kinks
 from hamel.simulate.method import (
     Method,
     check_changes,
@@ -163,7 +165,8 @@ def _picked(problem: Problem, method: Method) -> str:
     """The integrator of `auto`."""
     changes = problem.changes
     called = changes.function is not None and changes.sample is None
-    smooth = problem.enforcement.level != "stages" and not called
+    whole = not called and not pieces(problem.system.model)
+    smooth = problem.enforcement.level != "stages" and whole
     return picked(method, problem.equations(method.choice), smooth)
 
 
@@ -179,6 +182,7 @@ def problem_of(
     clock = Clock()
     with clock("mechanics", "file → System"):
         system = mechanics_of(load(path))
+    check_kinks(method, system.model)
     given = settings(system.model, values)
     u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
     t = rows.start

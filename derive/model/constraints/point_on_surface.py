@@ -59,6 +59,7 @@ def surface(reader: Reader, scalar: Scalar) -> Expression:
     before = len(reader.problems)
     with _local(reader, letters):
         formula = reader.formula(scalar, "a surface", frozenset({PARAMETER, COORDINATE, TIME}))
+        reader.refuse_tables(formula, scalar, "a surface")
     names = {node.name for node in tree.walk(formula) if isinstance(node, tree.Name)}
     if names & reader.measures.found.keys():
         reader.report(

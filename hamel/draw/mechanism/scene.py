@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from derive.diagnostics import HamelError
-from derive.expressions.evaluate import float_functions, value
+from derive.expressions.evaluate import float_functions, float_tables, value
 from derive.expressions.tree import Call, Expression, Name
 from derive.expressions.tree import Vector as Entries
 from derive.mechanics.records import System
@@ -40,13 +40,14 @@ class Numbers:
         self.names |= dict(zip((x.name for x in model.coordinates), q.tolist()))
         self.names |= {x.name: 0.0 for x in (*model.inputs, *model.velocities)} | {"t": 0.0}
         self._rates = {x.name: 0.0 for x in model.coordinates}
+        self._functions = {**float_functions(), **float_tables(model.tables)}
         for name, expression in model.definitions:
             self.names[name] = self.scalar(expression)
 
     def scalar(self, expression: Expression) -> float:
         """NaN where the formula has no number here."""
         try:
-            return float(value(expression, self.names, self._rates, float_functions()))
+            return float(value(expression, self.names, self._rates, self._functions))
         except (ArithmeticError, ValueError, KeyError, TypeError, HamelError):
             return float("nan")
 

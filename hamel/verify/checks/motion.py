@@ -17,6 +17,7 @@ import numpy as np
 
 from codegen.integrators import integrator_of
 from codegen.reals import FLOAT64
+from derive.model.kinks import switches
 from derive.states.closing import normalised
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import sizes, worst
@@ -244,6 +245,8 @@ def _carried(
 ) -> Array:
     """y after h, in as many steps as it takes; where half the step is hardly surer (`before`) there
     is a kink, or no rank."""
+    if _piece(e, s, t, y) != _piece(e, s, s.t, _start(s)):
+        raise FloatingPointError("a formula changes its piece")
     end, doubtful = _step(e, s, t, y, h)
     doubt = _apart(e, doubtful, end)
     if depth == 0 and not doubt <= UNSURE:
@@ -253,7 +256,20 @@ def _carried(
             raise FloatingPointError("the reference cannot tell")
         middle = _carried(e, s, t, y, h / 2, depth - 1, doubt)
         return _carried(e, s, t + h / 2, middle, h / 2, depth - 1, doubt)
+    if _piece(e, s, t + h, end) != _piece(e, s, s.t, _start(s)):
+        raise FloatingPointError("a formula changes its piece")
     return np.concatenate([normalised(e.system, end[: len(s.q)]), end[len(s.q) :]])
+
+
+def _piece(e: Evidence, s: Sample, t: float, y: Array) -> tuple[float, ...]:
+    """In which of its pieces every formula is: no order and no extrapolation holds across, and the
+    midpoint rule does not look at the end of its step."""
+    found = switches(e.reference.model)
+    if not found:
+        return ()
+    q, v = np.split(y, [len(s.q)])
+    state = state_of(e.reference, t, q, v, s.u, s.full)
+    return tuple(float(np.sign(state.value(side))) for side in found)
 
 
 def _step(e: Evidence, s: Sample, t: float, y: Array, h: float) -> tuple[Array, Array]:

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import sympy
 
 from derive.expressions import tree
+from derive.expressions.tables import Table
 from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
 from derive.model.records import Model
 from hamel.verify.reference.formulas import evaluated, lookup, symbolic
@@ -24,6 +26,8 @@ from hamel.verify.reference.loads import Lagrange
 from hamel.verify.reference.measures import measured
 from hamel.verify.reference.rows import RowsOf
 from hamel.verify.reference.states import State
+from hamel.verify.reference.tables import numeric
+from hamel.verify.reference.tables import symbolic as symbolic_tables
 from hamel.verify.reference.vectors import Array
 
 POSITIONS = ("position", "orientation", "angle", "length")  # measures that are no velocities
@@ -46,11 +50,17 @@ class Symbols:
     mr: tuple[sympy.Symbol, ...]
     names: dict[str, Any]
     rates: dict[str, Any]
+    tables: tuple[Table, ...]
+
+    @cached_property
+    def functions(self) -> dict[str, Callable[..., Any]]:
+        """Those of formulas, tables too."""
+        return {**SYMBOLIC, **symbolic_tables(self.tables)}
 
     def read(self, expression: tree.Expression) -> Any:
         """A formula of the file as a SymPy expression; its names and the rates der(q) become
         symbols."""
-        return sympy.sympify(evaluated(expression, lookup(self.names, self.rates), SYMBOLIC))
+        return sympy.sympify(evaluated(expression, lookup(self.names, self.rates), self.functions))
 
     def along(self, expression: Any) -> Any:
         """Σ ∂e/∂q q̇ + Σ ∂e/∂m ṁ + ∂e/∂t: the time derivative less its part in the
@@ -74,7 +84,10 @@ class Symbols:
         """The entries at a state, as one flat array (SymPy's code with shared subexpressions)."""
         arguments = [self.t, self.q, self.r, self.v, self.u, self.p, self.m, self.mr]
         at = sympy.lambdify(
-            arguments, [sympy.sympify(entry) for entry in entries], modules="numpy", cse=True
+            arguments,
+            [sympy.sympify(entry) for entry in entries],
+            modules=[numeric(self.tables), "numpy"],
+            cse=True,
         )
 
         def evaluate(s: State) -> Array:
@@ -112,8 +125,8 @@ def symbols(model: Model) -> Symbols:
     names = {"t": t, "pi": sympy.pi} | {
         item.name: x for items, xs in (*groups, (model.measures, m)) for item, x in zip(items, xs)
     }
-    rates = {c.name: x for c, x in zip(model.coordinates, r)}
-    result = Symbols(model, t, q, r, v, u, p, m, mr, names, rates)
+    rates: dict[str, Any] = {c.name: x for c, x in zip(model.coordinates, r)}
+    result = Symbols(model, t, q, r, v, u, p, m, mr, names, rates, model.tables)
     for name, expression in model.definitions:
         names[name] = result.read(expression)
     return result
@@ -189,7 +202,7 @@ def surface_row(item: OnSurface, s: Symbols, place: Layout) -> RowsOf:
     in Ẋ, q̇ and t)."""
     X, R = sympy.symbols("X:3", real=True), sympy.symbols("R:3", real=True)
     phi = sympy.sympify(
-        evaluated(item.surface, lookup(s.names | dict(zip("xyz", X)), s.rates), SYMBOLIC)
+        evaluated(item.surface, lookup(s.names | dict(zip("xyz", X)), s.rates), s.functions)
     )
 
     def along(expression: Any) -> Any:

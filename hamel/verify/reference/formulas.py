@@ -21,6 +21,12 @@ NUMERIC: dict[str, Callable[..., Any]] = {
     "atanh": np.arctanh,
     "exp": np.exp, "log": np.log, "ln": np.log, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign,
     "hypot": np.hypot,
+    "step": lambda x, w=None: float(x >= 0) if w is None else 1 / (1 + np.exp(-2 * x / w)),
+    "ramp": lambda x, w=None: max(x, 0.0) if w is None else x / 2 + np.hypot(x, w) / 2,
+    "clip": lambda x, a, b, w=None: min(max(x, a), b) if w is None else (
+        a + (x - a + np.hypot(x - a, w)) / 2 - (x - b + np.hypot(x - b, w)) / 2
+    ),
+    "piecewise": lambda x, *f: f[2 * sum(bool(x >= place) for place in f[1::2])],
     "min": lambda *x: min(x), "max": lambda *x: max(x), "floor": np.floor, "ceil": np.ceil,
 }  # fmt: skip
 
@@ -30,7 +36,23 @@ def symbolic() -> dict[str, Callable[..., Any]]:
     return {
         **{name: getattr(sympy, name) for name in NUMERIC if hasattr(sympy, name)},
         "abs": sympy.Abs, "min": sympy.Min, "max": sympy.Max,
+        "step": lambda x, w=None: _where(x, 0, 0, 1) if w is None else 1 / (1 + sympy.exp(-2*x/w)),
+        "ramp": lambda x, w=None: _where(x, 0, 0, x) if w is None else _half(x, w),
+        "clip": lambda x, a, b, w=None: _where(x, a, a, _where(x, b, x, b)) if w is None else (
+            a + _half(x - a, w) - _half(x - b, w)
+        ),
+        "piecewise": lambda x, *f: sympy.Piecewise(
+            *((f[k], x < f[k + 1]) for k in range(0, len(f) - 1, 2)), (f[-1], True)
+        ),
     }  # fmt: skip
+
+
+def _where(x: Any, place: Any, before: Any, after: Any) -> Any:
+    return sympy.Piecewise((before, x < place), (after, True))
+
+
+def _half(x: Any, w: Any) -> Any:
+    return x / 2 + sympy.sqrt(x**2 + w**2) / 2
 
 
 def evaluated(

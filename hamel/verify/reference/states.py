@@ -13,6 +13,7 @@ from derive.expressions import tree
 from derive.model.records import GROUND, Body, Joint, Model, Placement
 from hamel.verify.reference.formulas import NUMERIC, evaluated, lookup
 from hamel.verify.reference.joints import Motion, joint_motion
+from hamel.verify.reference.tables import numeric
 from hamel.verify.reference.vectors import Array, cross
 
 
@@ -71,13 +72,14 @@ class State:
     seats: tuple[Seat, ...]
     names: dict[str, Any]
     named_rates: dict[str, float]
+    functions: Mapping[str, Any]
 
     def value(
         self, expression: tree.Expression, further: Mapping[str, float] | None = None
     ) -> float:
         """A formula of the model as a number at this state; `further` names go before its own."""
         names = {**self.names, **further} if further else self.names
-        return float(evaluated(expression, lookup(names, self.named_rates), NUMERIC))
+        return float(evaluated(expression, lookup(names, self.named_rates), self.functions))
 
     def vector(self, entries: Sequence[tree.Expression]) -> Array:
         """Formulas as numbers, one entry each."""
@@ -100,15 +102,18 @@ def state(
     `measured` gives what formulas use of the motion.
     """
     names = _values_by_name(model, t, q, v, u, p)
+    functions = {**NUMERIC, **numeric(model.tables)}
     # placements and joint axes are formulas of parameters: they need names before there are frames
-    bare = State(t, q, v, u, p, np.zeros(0), np.zeros(0), np.zeros(0), {}, (), names, {})
+    bare = State(t, q, v, u, p, np.zeros(0), np.zeros(0), np.zeros(0), {}, (), names, {}, functions)
     for name, expression in model.definitions:
         if _is_known(expression, names):
             names[name] = bare.value(expression)
     N, drift, frames, seats = _walk(model, bare)
     rates = N @ v
     named_rates = {c.name: rate for c, rate in zip(model.coordinates, rates)}
-    full = State(t, q, v, u, p, N, drift, rates, frames, tuple(seats), names, named_rates)
+    full = State(
+        t, q, v, u, p, N, drift, rates, frames, tuple(seats), names, named_rates, functions
+    )
     names |= measured(full)
     for name, expression in model.definitions:
         names[name] = full.value(expression)

@@ -91,7 +91,7 @@ def test_entries_with_an_index_are_those_written_one_by_one() -> None:
     head = "model: chain\nplane: xy\nparameters: {m: 1 kg, l: 1 m}\n"
     short = load_text(
         head + "repeat: {i: 1..3}\nbodies:\n  b0: {mass: m}\n  b{i}: {mass: m*i, com: [l/i, 0]}\n"
-        'joints:\n  j0: {type: revolute, parent: ground, child: b0}\n'
+        "joints:\n  j0: {type: revolute, parent: ground, child: b0}\n"
         '  j{i}: {type: revolute, parent: "b{i-1}", child: "b{i}", at: [i*l, 0], coordinate: "q{2*i}"}\n'
         'initial: {"q{2*i}": i*(10 deg)}\n'
         'quasi_velocities: {all: [der(j0), "der(q{2*i})"]}\n'
@@ -113,7 +113,7 @@ def test_entries_with_an_index_are_those_written_one_by_one() -> None:
 
 def test_words_negative_numbers_and_remainders() -> None:
     model = load_text(
-        "model: ring\nplane: xy\nrepeat: {side: [left, right], i: 0..3, s: [-1, 1]}\n"
+        "model: ring\nplane: xy\nrepeat: {side: [left, right], i: 0..3}\n"
         "bodies:\n  b: {mass: 1 kg}\n"
         "joints: {j: {type: prismatic, parent: ground, child: b, axis: x}}\n"
         'where: {"{side}_{i}": "i*mod(i, 2)*(1 m)" }\n'.replace("mod(i, 2)", "2")
@@ -125,14 +125,17 @@ def test_words_negative_numbers_and_remainders() -> None:
     assert [output.name for output in model.outputs] == ["next1", "next2", "next3", "next0"]
     assert len(model.events) == 8
     minus = load_text(
-        "model: two\nplane: xy\nrepeat: {s: [-1, 1]}\nparameters: {h: 1 m}\nbodies:\n"
-        '  "b{s+1}": {mass: 2 kg, com: [s*h, h/s]}\n'
-        'joints: {"j{s+1}": {type: revolute, parent: ground, child: "b{s+1}"}}\n'
+        "model: two\nplane: xy\nrepeat: {k: [-1, 1]}\nparameters: {h: 1 m}\nbodies:\n"
+        '  "b{k+1}": {mass: 2 kg, com: [k*h, h/k]}\n'
+        'joints: {"j{k+1}": {type: revolute, parent: ground, child: "b{k+1}"}}\n'
     )
     assert len(minus.bodies) == 2
 
 
-REPEAT = "model: a\nplane: xy\nparameters: {l: 1 m}\nrepeat: {i: 1..3}\nbodies:\n  b{i}: {mass: 1}\n"
+REPEAT = (
+    "model: a\nplane: xy\nparameters: {l: 1 m}\nrepeat: {i: 1..3}\nbodies:\n  b{i}: {mass: 1}\n"
+)
+CHAIN = f"{REPEAT}joints:\n"
 WRONG = [
     ("repeat: {i: 1..}", "1:13: error: the range '1..' has no end", "such as 1..40"),
     ("repeat: {i: 1..99999999}", "99999999 repetitions", "at most 10000"),
@@ -143,26 +146,35 @@ WRONG = [
     ("repeat: {i: [1, 1]}", "stands twice", "each once"),
     ("repeat: {i: 1..10000, j: 1..10000}\nbodies: {'b{i}{j}': {mass: 1}}", "100000000", "10000"),
     (f"{REPEAT}  c{{j}}: {{mass: 1}}", "7:3: error: unknown index 'j'", "repeat: {j: 1..3}"),
-    (f"{REPEAT}  c: {{mass: '{{i}}'}}", "7:13: error: the index 'i' is not fixed here", "{i} in"),
+    (f"{REPEAT}  c: {{mass: '{{i}}'}}", "7:14: error: the index 'i' is not fixed here", "{i} in"),
     (f"{REPEAT}  c{{i/2}}: {{mass: 1}}", "{i/2} is 0.5", "a whole number"),
     (f"{REPEAT}  c{{1/(i-1)}}: {{mass: 1}}", "has no value", "a whole number"),
     (f"{REPEAT}  c{{i^i^i^i}}: {{mass: 1}}", "a whole number", ""),
     (f"{REPEAT}  b2: {{mass: 1}}", "'b2' is given twice; first on line 6", "one of the two"),
-    (f"{REPEAT}  c{{i}}: {{mass: l*i}}", "7:16: error: a mass in m", "where i = 1"),
+    (
+        f'{CHAIN}  c{{i}}: {{type: revolute, parent: ground, child: "b{{i}}", at: [l*l*i, 0]}}',
+        "8:62: error: a point in m^2",
+        "where i = 1",
+    ),
     (f"{REPEAT}  c{{i}}: {{mas: 1}}", "7:10: error: unknown key 'mas'", "where i = 1"),
     (f"{REPEAT}  c: {{mass: c{{i}}}}", "not valid YAML", 'quotes around a name such as "link{i}"'),
 ]
 
 
 @pytest.mark.parametrize("text, message, expected", WRONG)
-def test_wrong_repetitions_are_told_where_they_stand(text: str, message: str, expected: str) -> None:
+def test_wrong_repetitions_are_told_where_they_stand(
+    text: str, message: str, expected: str
+) -> None:
     shown = refusal(text if text.startswith("model") else f"{text}\nmodel: a\n")
     assert message in shown, shown
     assert expected in shown, shown
 
 
 def test_a_mistake_in_a_repetition_is_told_once() -> None:
-    assert refusal(f"{REPEAT}  c{{i}}: {{mass: lll}}").count("error:") == 1
+    assert (
+        refusal(f'{CHAIN}  c{{i}}: {{type: fix, parent: ground, child: "b{{i}}"}}').count("error:")
+        == 1
+    )
 
 
 def test_a_chain_of_ten_thousand_links_is_read_in_seconds() -> None:
@@ -184,10 +196,10 @@ def test_a_chain_of_ten_thousand_links_is_read_in_seconds() -> None:
 
 def test_a_submodel_is_its_file_under_other_names(tmp_path: Path) -> None:
     whole = TRUNK + (
-        "submodels:\n  near: {use: leg.yaml, parameters: {l: 0.9*L, m: 3 kg, k: (4 N*m/rad)}, ground: trunk}\n"
+        "submodels:\n  near: {use: leg.yaml, parameters: {l: 0.9*L, m: 3 kg, k: 4 N*m/rad}, ground: trunk}\n"
         "initial: {near_hip: 5 deg}\n"
     )
-    model = load_text(whole, "whole.yaml", folder_with(tmp_path, leg=LEG))
+    model = load_text(whole, str(tmp_path / "whole.yaml"), folder_with(tmp_path, leg=LEG))
     long = load_text(
         TRUNK.replace("{L: 0.5 m}", "{L: 0.5 m, near_m: 3 kg, near_k: 4 N*m/rad}")
         .replace("bodies: {", "where: {near_l: 0.9*L, near_J: near_m*near_l^2/12}\nbodies: {")
@@ -213,11 +225,16 @@ def test_a_submodel_is_its_file_under_other_names(tmp_path: Path) -> None:
 
 def test_submodels_inside_submodels_and_repeated(tmp_path: Path) -> None:
     foot = "model: foot\nplane: xy\nbodies: {toe: {mass: 1 kg, inertia: 0.1}}\njoints: {ankle: {type: revolute, parent: ground, child: toe}}\n"
-    leg = LEG + "submodels: {sole: {use: feet/foot.yaml, ground: {body: shank, position: [0, -l]}}}\n"
+    leg = (
+        LEG + "submodels: {sole: {use: feet/foot.yaml, ground: {body: shank, position: [0, -l]}}}\n"
+    )
     (tmp_path / "feet").mkdir()
     (tmp_path / "feet" / "foot.yaml").write_text(foot)
-    whole = TRUNK + "repeat: {i: 1..2}\nsubmodels:\n  leg{i}: {use: leg.yaml, ground: trunk, parameters: {l: 0.1 m*i}}\n"
-    model = load_text(whole, "whole.yaml", folder_with(tmp_path, leg=leg))
+    whole = (
+        TRUNK
+        + "repeat: {i: 1..2}\nsubmodels:\n  leg{i}: {use: leg.yaml, ground: trunk, parameters: {l: 0.1 m*i}}\n"
+    )
+    model = load_text(whole, str(tmp_path / "whole.yaml"), folder_with(tmp_path, leg=leg))
     names = {body.name for body in model.bodies}
     assert {"leg1_sole_toe", "leg2_sole_toe", "leg2_sole_ground"} <= names
     assert [Path(file).name for file, _ in model.sources] == ["leg.yaml", "foot.yaml"]
@@ -226,16 +243,34 @@ def test_submodels_inside_submodels_and_repeated(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "entry, places",
     [
-        ("{use: leg.yaml, parameters: {l: 2 kg}}", ["whole.yaml:6:46: error", "in kg", "expected: m"]),
-        ("{use: leg.yaml, parameters: {ll: 2 m}}", ["whole.yaml:6:42", "no parameter of leg.yaml", "'l'"]),
-        ("{use: leg.yaml, parameters: {l: tilt}}", ["leg.yaml:6:28: error", "near is used at", ":6:13"]),
-        ("{use: leg.yaml, ground: trnk}", ["leg.yaml:9:33: error: unknown body 'trnk'", "near is used"]),
+        (
+            "{use: leg.yaml, parameters: {l: 2 kg}}",
+            ["whole.yaml:6:51: error", "in kg", "expected: m"],
+        ),
+        (
+            "{use: leg.yaml, parameters: {ll: 2 m}}",
+            ["whole.yaml:6:48", "no parameter of leg.yaml", "'l'"],
+        ),
+        (
+            "{use: leg.yaml, parameters: {l: tilt}}",
+            ["leg.yaml:6:29: error", "near is used at", ":6:13"],
+        ),
+        (
+            "{use: leg.yaml, ground: trnk}",
+            ["leg.yaml:9:33: error: unknown body 'trnk'", "near is used"],
+        ),
         ("{use: none.yaml}", ["whole.yaml:6:25: error: 'none.yaml' cannot be read"]),
         ("{use: ../leg.yaml}", ["whole.yaml:6:25", "is not beside the model"]),
         ("{use: /etc/passwd}", ["whole.yaml:6:25", "is not beside the model"]),
         ("{use: whole.yaml}", ["'whole.yaml' uses itself: whole.yaml → whole.yaml"]),
-        ("{use: round.yaml}", ["round.yaml:2:21: error: 'whole.yaml' uses itself", "round.yaml → whole"]),
-        ("{use: broken.yaml}", ["broken.yaml:1:10: error", "the file is used at", "whole.yaml:6:25"]),
+        (
+            "{use: round.yaml}",
+            ["round.yaml:2:22: error: 'whole.yaml' uses itself", "round.yaml → whole.yaml"],
+        ),
+        (
+            "{use: broken.yaml}",
+            ["broken.yaml:2:1: error", "the file is used at", "whole.yaml:6:25"],
+        ),
         ("{use: space.yaml}", ["a submodel in space of a model in the plane xy"]),
         ("{use: energies.yaml}", ["energies.yaml:3:1: error: 'kinetic' in a submodel"]),
         ("{usee: leg.yaml}", ["whole.yaml:6:20: error: unknown key 'usee'", "did you mean 'use'?"]),
@@ -291,7 +326,7 @@ def test_a_model_made_in_python_is_the_model_of_its_text(tmp_path: Path) -> None
 
 
 def test_a_model_made_in_python_is_refused_with_the_line_of_its_text() -> None:
-    made = arm().body("tip", mass="3 kgg")
+    made = arm().body("tip", mass="3 kgg").joint("B", type="revolute", parent="link", child="tip")
     with pytest.raises(ModelError) as caught:
         hamel.check(made)
     line = next(i for i, text in enumerate(made.yaml().splitlines(), 1) if "kgg" in text)

@@ -1,0 +1,81 @@
+"""Where the formulas of a model are in pieces: calls that jump or have a kink, and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+from derive.expressions import tree
+from derive.model.records import Model, Span
+
+SHARP = {"step": 1, "ramp": 1, "clip": 3, "piecewise": 32}  # arguments without a width
+SWITCHING = SHARP | {"sign": 1, "abs": 1, "min": 16, "max": 16}
+MOVING = ("definitions", "constraints", "loads", "kinetic", "potential")
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A call in a formula of the entry `owner`, "" in an energy."""
+
+    call: tree.Call
+    owner: str
+    span: Span | None
+
+
+def pieces(model: Model) -> tuple[Piece, ...]:
+    """Sharp calls and tables in everything that the motion depends on, in the order of the file."""
+    tables = {table.name for table in model.tables}
+    return tuple(
+        Piece(call, owner, span)
+        for call, owner, span in _calls(model)
+        if call.function in tables or _counts(call, SHARP)
+    )
+
+
+def switches(model: Model) -> tuple[tree.Expression, ...]:
+    """What changes its sign where a formula goes on to another piece."""
+    knots = {table.name: tuple(map(tree.Number, table.x)) for table in model.tables}
+    return tuple(
+        tree.Sum((call.arguments[0], tree.Negative(place)))
+        for call, _, _ in _calls(model)
+        if call.function in knots or _counts(call, SWITCHING)
+        for place in knots.get(call.function) or _places(call)
+    )
+
+
+def _places(call: tree.Call) -> tuple[tree.Expression, ...]:
+    if call.function == "piecewise":
+        return call.arguments[2::2]
+    return call.arguments[1:3] if call.function in ("clip", "min", "max") else (tree.ZERO,)
+
+
+def _counts(call: tree.Call, most: dict[str, int]) -> bool:
+    return len(call.arguments) <= most.get(call.function, 0)
+
+
+def _calls(model: Model) -> Iterator[tuple[tree.Call, str, Span | None]]:
+    for part in MOVING:
+        given: Any = getattr(model, part)
+        for item in _entries(given):
+            owner, span = getattr(item, "name", ""), getattr(item, "span", None)
+            for formula in _formulas(item):
+                calls = (node for node in tree.walk(formula) if isinstance(node, tree.Call))
+                yield from ((call, owner, span) for call in calls)
+
+
+def _formulas(item: Any) -> Iterator[tree.Expression]:
+    """The formulas of a record, however deep they stand in it."""
+    if isinstance(item, tree.Expression):
+        yield item
+        return
+    names = [field.name for field in fields(item)] if is_dataclass(item) else []
+    for entry in [getattr(item, name) for name in names] or _entries(item, ()):
+        yield from _formulas(entry)
+
+
+def _entries(item: Any, otherwise: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
+    """Of a tuple; else the thing alone, or `otherwise`."""
+    if isinstance(item, tuple):
+        return tuple[Any, ...](item)  # pyright: ignore[reportUnknownArgumentType]
+    return (item,) if otherwise is None else otherwise

@@ -13,8 +13,19 @@ from codegen.passes.improve import count, improve, used_operations
 from codegen.passes.names import Names, identifier
 from codegen.passes.schedule import Scheduled, schedule
 from codegen.passes.trace import record
-from codegen.program import BASE, KINDS, PREVIOUS, Argument, Entry, Expression, Kernel, Rolled
-from codegen.program import Sweep, Table, Visit
+from codegen.program import (
+    BASE,
+    KINDS,
+    PREVIOUS,
+    Argument,
+    Entry,
+    Expression,
+    Kernel,
+    Rolled,
+    Sweep,
+    Table,
+    Visit,
+)
 from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Scalar
 from derive.formulations.records import Function
@@ -23,7 +34,7 @@ from derive.mechanics.recursion import Recursion
 
 AUTO, NEVER, ALWAYS = ROLLS = ("auto", "never", "always")
 # Links from which loops take less time than what they are unrolled to, scalar and in lanes
-# (measured: planar chains from 40, oblique ones from 16), and links for each kind, for the processor
+# (measured: planar chains from 40, oblique ones from 16), and links for each kind, for a processor
 # cannot foresee which comes next (60 of 12 kinds take 16 % longer)
 FROM, PER_KIND = 40, 10
 
@@ -86,7 +97,11 @@ def rolled(function: Function, arguments: Sequence[Argument]) -> Loops:
         to=out,
         slots=slots,
         tables=tuple(
-            Table(kind.about, kind.constants.numel(), tuple(tuple(map(value, row)) for row in kind.table))
+            Table(
+                kind.about,
+                kind.constants.numel(),
+                tuple(tuple(map(value, row)) for row in kind.table),
+            )
             for kind in of.kinds
         ),
         angles=angles,
@@ -116,7 +131,9 @@ class _Bodies:
     def sweep(self, sweep: recursion.Sweep) -> tuple[Visit, ...]:
         """A visit for each kind."""
         return tuple(
-            self.visit(k, sweep.title, sweep.received, list(visit.kept.items()), visit.handed, visit.result)
+            self.visit(
+                k, sweep.title, sweep.received, list(visit.kept.items()), visit.handed, visit.result
+            )
             for k, visit in enumerate(sweep.visits)
         )
 
@@ -192,7 +209,9 @@ def _ways(parents: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...], int
             last[parent] = i
     free: list[int] = []
     slot_of: dict[int, int] = {}
-    of, to, slots = [], [], 0
+    of: list[int] = []
+    to: list[int] = []
+    slots = 0
     for i, parent in enumerate(parents):
         way = BASE if parent < 0 else PREVIOUS if parent == i - 1 else slot_of[parent]
         of.append(way)
@@ -211,8 +230,8 @@ def _kernel(
     function: Function, arguments: Sequence[Argument], made: Rolled, values: Scheduled
 ) -> Kernel:
     used = {load.argument for visit in made.visits for load in visit.loads}
-    slots = {"x"} | ({"u", "t"} & used) | ({"p"} if values.loads else set())
-    uses = tuple(a.name for a in arguments if a.name in slots)
+    read = {"x", *({"u", "t"} & used), *(load.argument for load in values.loads)}
+    uses = tuple(a.name for a in arguments if a.name in read)
     size = function.result.value.numel()
     nq = size - made.links
     return Kernel(
@@ -240,7 +259,7 @@ def _kernel(
 
 def _operations(made: Rolled) -> dict[str, int]:
     """Body × links, with sines and cosines."""
-    counts = dict.fromkeys((*KINDS, "total"), 0)
+    counts: dict[str, int] = dict.fromkeys((*KINDS, "total"), 0)
     for k, angle in enumerate(made.angles):
         links = sum(kind == k for kind in made.kinds)
         bodies = [sweep.visits[k] for sweep in made.sweeps] + ([angle] if angle else [])

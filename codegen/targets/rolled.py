@@ -95,9 +95,7 @@ def indices(of: Rolled) -> dict[str, Index]:
         "to": of.to,
     }
     many = max(map(len, of.inputs))
-    inputs = {
-        f"input{k}": tuple(x[k] if k < len(x) else 0 for x in of.inputs) for k in range(many)
-    }
+    inputs = {f"input{k}": tuple(x[k] if k < len(x) else 0 for x in of.inputs) for k in range(many)}
     return {name: Index(name, tuple(values)) for name, values in (named | inputs).items()}
 
 
@@ -186,9 +184,7 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
 def _unused(sweep: Sweep) -> tuple[str, ...]:
     """Arguments that no visit reads."""
     read = {load.argument for visit in sweep.visits for load in visit.loads}
-    return tuple(
-        name for name, by in (("t", "t"), ("x", "qv"), ("u", "u")) if not read & set(by)
-    )
+    return tuple(name for name, by in (("t", "t"), ("x", "qv"), ("u", "u")) if not read & set(by))
 
 
 def _after(
@@ -227,7 +223,7 @@ def python_text(of: Rolled, language: text.Language, prologue: tuple[str, ...]) 
         kept = [f"r[{place}] = {text.expression(x, language)}" for place, x in visit.kept]
         handed = ", ".join(text.expression(x, language) for x in visit.handed)
         result = "None" if visit.result is None else text.expression(visit.result, language)
-        return Block(tuple([*lines, *kept]), (f"return [{handed}], {result}",))
+        return Block((*lines, *kept), (f"return [{handed}], {result}",))
 
     return Text(
         of=of,

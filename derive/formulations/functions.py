@@ -139,13 +139,14 @@ def _dynamics(system: System, motion: Motion) -> Function:
     about = "state derivative: q̇ = N v, " + (_BASE if motion.projects_velocity else _REDUCED)
     guards = (*motion.guards, *motion.solving)
     direct = motion.minimal is not None and not guards and is_unit(motion.B)
+    other = "" if direct else "its velocities are not those of the joints"
     return Function(
         "dynamics",
         about,
         result,
         motion.named,
         guards,
-        recursion=functools.cache(lambda: recursion(system)) if direct else None,
+        recursion=functools.cache(lambda: recursion(system, other)),
     )
 
 

@@ -3,7 +3,7 @@ what stands in the tables. The formulas are those of `derive.mechanics.recursion
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -18,7 +18,7 @@ from derive.joints.rotations import difference, is_zero, matrix, plus
 from derive.mechanics.limits import EXACT
 from derive.mechanics.links import moved
 from derive.mechanics.records import Inertia, Link, System
-from derive.mechanics.recursion import Joint, Kind, Recursion, Sweep, sweeps
+from derive.mechanics.recursion import Joint, Kind, Recursion, sweeps
 from derive.mechanics.templates import Formula, Key, check_own, formulas, written
 
 Array = NDArray[np.float64]
@@ -51,10 +51,12 @@ _NAMES = (
 )  # fmt: skip
 
 
-def recursion(system: System) -> Recursion:
+def recursion(system: System, otherwise: str = "") -> Recursion:
     """The loops for v̇ of a tree of turning and sliding links. Raises AssumptionError, with the
-    reason, for what has other joints, is closed, or has forces that act between joints."""
+    reason, for what has other joints, is closed, or has forces that act between joints; and `otherwise`, where that is said."""
     _check(system)
+    if otherwise:
+        raise AssumptionError(otherwise)
     links, q, v = system.links, ca.SX.sym("q"), ca.SX.sym("v")
     order = _order(links)
     frames, ground = _frames(links, order)
@@ -63,15 +65,15 @@ def recursion(system: System) -> Recursion:
     acting = formulas(force, system.t, system.q, system.v, system.u, system.p)
     rotors = ca.diag(system.M_extra)
     rows: list[_Row] = []
+    place = {i: k for k, i in enumerate(order)} | {-1: -1}
     for i in order:
         (j,) = links[i].columns
         check_own(acting[j], coordinates[j], j, links[i].name)
         own = _Own(acting[j], rotors[j], system.q[coordinates[j]])
-        rows.append(_row(links, i, frames, ground, own, _follows(links, order, i)))
+        rows.append(_row(links, i, frames, ground, own, place[i] == place[links[i].parent] + 1))
     kinds, kinds_of, rows_of, joints = _kinds(system, rows, q, v)
     gravity = ground.T @ np.array([_number(x, "gravity") for x in system.gravity])
     made, row = sweeps(joints, [_exact(x) for x in gravity])
-    place = {i: k for k, i in enumerate(order)} | {-1: -1}
     return Recursion(
         parents=tuple(place[links[i].parent] for i in order),
         kinds_of=kinds_of,
@@ -113,7 +115,9 @@ def _coordinates(system: System) -> dict[int, int]:
     """By velocity the coordinate whose rate it is."""
     rows, columns = system.N.sparsity().get_triplet()
     plain = len(rows) == system.v.numel() == system.q.numel()
-    if not (plain and system.N.is_constant() and bool(ca.DM(ca.sum2(system.N) == 1).is_one())):
+    if not (plain and system.N.is_constant() and len(set(rows)) == len(set(columns)) == len(rows)):
+        raise AssumptionError("a velocity is not the rate of a coordinate")
+    if not all(float(system.N[i, j]) == 1.0 for i, j in zip(rows, columns)):
         raise AssumptionError("a velocity is not the rate of a coordinate")
     return dict(zip(columns, rows))
 
@@ -133,12 +137,6 @@ def _order(links: Sequence[Link]) -> list[int]:
         order.append(i)
         stack += sorted(children.get(i, []), key=lambda c: (size[c], -c))
     return order
-
-
-def _follows(links: Sequence[Link], order: Sequence[int], i: int) -> bool:
-    """Whether the link's parent has it as its first child."""
-    place = {k: n for n, k in enumerate(order)} | {-1: -1}
-    return place[i] == place[links[i].parent] + 1
 
 
 # ---- frames
@@ -254,9 +252,7 @@ def _start(link: Link, q: ca.SX, slides: bool) -> Vector:
 
 def _within(frame: Array, x: Vector) -> Vector:
     """Components along the columns of a frame."""
-    return [
-        _sum([(float(c), e) for c, e in zip(column, x)]) for column in frame.T
-    ]
+    return [_sum([(float(c), e) for c, e in zip(column, x)]) for column in frame.T]
 
 
 def _sum(terms: Sequence[tuple[float, Scalar]]) -> Scalar:
@@ -334,12 +330,12 @@ def _kind(
         if not isinstance(x, float) or any(key[k] != keys[0][k] for key in keys)
     ]
     if len(table) > MOST_PARAMETRIC and any(_is_parametric(values) for values in table):
-        raise AssumptionError(f"parameters make {len(table)} links differ; `--constants` bakes them in")
+        raise AssumptionError(
+            f"parameters make {len(table)} links differ; `--constants` bakes them in"
+        )
     symbols = ca.SX.sym("k", len(varies))
     place = {k: n for n, k in enumerate(varies)}
-    values: list[Scalar] = [
-        symbols[place[k]] if k in place else x for k, x in enumerate(table[0])
-    ]
+    values: list[Scalar] = [symbols[place[k]] if k in place else x for k, x in enumerate(table[0])]
     inputs = ca.SX.sym("u", sort.inputs)
     tau = written(
         sort.force, q, v, system.t, values[len(_NAMES) :], [inputs[k] for k in range(sort.inputs)]

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
-from derive.joints.rotations import cross, difference, dot, is_one, is_zero, minus, plus, sum_of, times
+from derive.joints.rotations import cross, dot, is_one, is_zero, minus, plus, sum_of, times
 from derive.mechanics.articulated import Articulated
 from derive.mechanics.links import symmetric
 
@@ -104,7 +104,9 @@ class Recursion:
     velocities: tuple[int, ...]
     inputs_of: tuple[tuple[int, ...], ...]
     kinds: tuple[Kind, ...]
-    angles: tuple[Scalar | None, ...]  # by kind, where its links turn: sine and cosine go before all
+    angles: tuple[
+        Scalar | None, ...
+    ]  # by kind, where its links turn: sine and cosine go before all
     sweeps: tuple[Sweep, ...]
     t: ca.SX
     q: ca.SX
@@ -306,15 +308,19 @@ def _elimination(joint: Joint, row: Rows, received: Vector) -> Visit:
 
 def _articulated(joint: Joint, row: Rows, received: Vector) -> tuple[Articulated, Vector, Vector]:
     """What hangs on the link, with the link itself: inertia and bias wrench."""
-    J, C, K = _square(received[:6]), _whole(received[6:15]), _square(received[15:21])
     x, y, z = joint.moment
-    C = _added(C, [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    K = _added(K, [[joint.mass if i == j else 0.0 for j in range(3)] for i in range(3)])
+    across: Matrix = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+    mass = [[joint.mass if i == j else 0.0 for j in range(3)] for i in range(3)]
     omega = row.vector(OMEGA)
     spin = [dot(line, omega) for line in joint.tensor]
     n = sum_of(received[21:24], cross(omega, spin))
     f = sum_of(received[24:27], cross(omega, cross(omega, joint.moment)))
-    return Articulated(_added(J, joint.tensor), C, K), n, f
+    body = Articulated(
+        _added(_square(received[:6]), joint.tensor),
+        _added(_whole(received[6:15]), across),
+        _added(_square(received[15:21]), mass),
+    )
+    return body, n, f
 
 
 def _square(upper: Sequence[Scalar]) -> Matrix:
@@ -362,21 +368,30 @@ def _handed_down(joint: Joint, row: Rows, body: Articulated, wrench: Vector) -> 
     """Turned into the parent's axes, with M̂ᵃ b, then shifted to its origin: C' = C + [p]× K,
     J' = J + [p]× Cᵀ − C' [p]×, n' = n + p × f."""
     n, f = (_to_parent(joint, row, x) for x in (wrench[:3], wrench[3:]))
-    J, C, K = body.J, body.C, body.K
-    for axis, s, c in _turns(joint, row):
-        J, C, K = (_turned_matrix(M, axis, s, c) for M in (J, C, K))
+    turned = [_turned_about(joint, row, M) for M in (body.J, body.C, body.K)]
     bias, arm = row.vector(BIAS), _arm(joint, row)
-    n = sum_of(n, [dot(line, bias) for line in C])
-    f = sum_of(f, [dot(line, bias) for line in K])
-    columns = [[K[i][j] for i in range(3)] for j in range(3)]
-    over = [cross(arm, column) for column in columns]  # columns of [p]× K
-    shifted = [[plus(C[i][j], over[j][i]) for j in range(3)] for i in range(3)]
-    left = [cross(arm, line) for line in C]  # columns of [p]× Cᵀ
-    right = [cross(line, arm) for line in shifted]  # rows of C' [p]×
-    J = symmetric(lambda i, j: minus(plus(J[i][j], left[j][i]), right[i][j]))
+    n = sum_of(n, [dot(line, bias) for line in turned[1]])
+    f = sum_of(f, [dot(line, bias) for line in turned[2]])
+    seen = _shifted(Articulated(*turned), arm)
     n = sum_of(n, cross(arm, f))
-    return [*(J[i][j] for i, j in UPPER), *(shifted[i][j] for i, j in WHOLE),
-            *(K[i][j] for i, j in UPPER), *n, *f]  # fmt: skip
+    return [*(seen.J[i][j] for i, j in UPPER), *(seen.C[i][j] for i, j in WHOLE),
+            *(seen.K[i][j] for i, j in UPPER), *n, *f]  # fmt: skip
+
+
+def _turned_about(joint: Joint, row: Rows, matrix: Matrix) -> Matrix:
+    for axis, s, c in _turns(joint, row):
+        matrix = _turned_matrix(matrix, axis, s, c)
+    return matrix
+
+
+def _shifted(body: Articulated, arm: Vector) -> Articulated:
+    columns = [[body.K[i][j] for i in range(3)] for j in range(3)]
+    over = [cross(arm, column) for column in columns]  # columns of [p]× K
+    coupled = [[plus(body.C[i][j], over[j][i]) for j in range(3)] for i in range(3)]
+    left = [cross(arm, line) for line in body.C]  # columns of [p]× Cᵀ
+    right = [cross(line, arm) for line in coupled]  # rows of C' [p]×
+    turning = symmetric(lambda i, j: minus(plus(body.J[i][j], left[j][i]), right[i][j]))
+    return Articulated(turning, coupled, body.K)
 
 
 def _accelerations(joint: Joint, row: Rows, received: Vector) -> Visit:

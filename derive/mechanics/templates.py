@@ -42,7 +42,7 @@ def formulas(values: ca.SX, t: ca.SX, q: ca.SX, v: ca.SX, u: ca.SX, p: ca.SX) ->
             return Formula(CONSTANT, (p[nonzero],))
         if argument == INPUT:
             return Formula((INPUT,), inputs=(nonzero,))
-        joints = frozenset() if argument == TIME else frozenset([(argument, nonzero)])
+        joints = frozenset([(argument, nonzero)] if argument != TIME else [])
         return Formula((argument,), joints=joints)
 
     return run(listing(function), entry, lambda x: Formula(CONSTANT, (x,)), _operation)[0]

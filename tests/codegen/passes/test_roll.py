@@ -109,13 +109,11 @@ def code_without_tables(made: Program) -> str:
     """The C of the loops; numbers of links and rows of tables taken out."""
     text = emit(made)[f"{made.name}_dynamics.c"]
     text = re.sub(r"= \{\n.*?\n\};", "", text, flags=re.DOTALL)
-    return re.sub(r"\b\d+\b", "", text.replace(made.name, ""))
+    return re.sub(r"\b\d+\b", "", text.lower().replace(made.name, ""))
 
 
 def test_code_does_not_grow_with_the_number_of_links(tmp_path: Path) -> None:
-    few, many = (
-        program(derived(tmp_path, chain(n)), DYNAMICS, roll="always") for n in (15, 30)
-    )
+    few, many = (program(derived(tmp_path, chain(n)), DYNAMICS, roll="always") for n in (9, 18))
     assert code_without_tables(few) == code_without_tables(many)
     total = [made.kernel("dynamics").operations["total"] for made in (few, many)]
     assert total[1] == 2 * total[0]
@@ -134,16 +132,18 @@ def test_slots_are_used_again(tmp_path: Path) -> None:
 
 
 def test_bytes_are_the_same_twice(tmp_path: Path) -> None:
-    once, again = (
-        program(derived(tmp_path, tree()), DYNAMICS, roll="always") for _ in range(2)
-    )
+    once, again = (program(derived(tmp_path, tree()), DYNAMICS, roll="always") for _ in range(2))
     assert emit(once) == emit(again) and once.fingerprint == again.fingerprint
     assert once.fingerprint != program(derived(tmp_path, tree()), DYNAMICS).fingerprint
 
 
 @pytest.mark.parametrize(
     ("model", "reason"),
-    [("four_bar", "constraints"), ("free_body", "degrees of freedom"), ("gear_train", "constraints")],
+    [
+        ("four_bar", "constraints"),
+        ("free_body", "degrees of freedom"),
+        ("gear_train", "constraints"),
+    ],
 )
 def test_what_does_not_fit_is_refused_by_name(model: str, reason: str) -> None:
     equations = equations_of(MODELS / f"{model}.yaml")
@@ -155,7 +155,7 @@ def test_what_does_not_fit_is_refused_by_name(model: str, reason: str) -> None:
 def test_a_force_between_joints_keeps_the_unrolled_way_and_says_so(tmp_path: Path) -> None:
     text = equal_links(FROM) + "  f: {joint: j2}\n"
     text = text.replace("inputs: {tau: {joint: j1}}\n  f: {joint: j2}\n", "")
-    text += "  c: {type: spring, between: [[b0, [0, 0]], [b2, [0, 0]]], stiffness: 1 N/m, length: 0.5 m}\n"
+    text += "  c: {type: expression, joint: j1, expression: kk*(q3 - q1)}\n"
     made = program(derived(tmp_path, text), DYNAMICS)
     assert made.kernel("dynamics").rolled is None
     (name, how), *_ = made.rolling
@@ -189,9 +189,7 @@ def spoiled(made: Program) -> Program:
     row = tuple(x * 1.000001 if k == 7 else x for k, x in enumerate(table.rows[3]))  # type: ignore[operator]
     rows = (*table.rows[:3], row, *table.rows[4:])
     bad = replace(kernel, rolled=replace(of, tables=(replace(table, rows=rows), *of.tables[1:])))
-    return replace(
-        made, kernels=tuple(bad if k.name == "dynamics" else k for k in made.kernels)
-    )
+    return replace(made, kernels=tuple(bad if k.name == "dynamics" else k for k in made.kernels))
 
 
 @pytest.mark.slow

@@ -57,9 +57,10 @@ def refusal(function: Function, roll: str, links: int) -> str | None:
     try:
         kinds = len(function.recursion().kinds)
     except AssumptionError as error:
+        why = error.diagnostics[0].message
         if roll == ALWAYS:
-            raise AssumptionError(f"{function.name} cannot be rolled: {error}") from None
-        return str(error)
+            raise AssumptionError(f"{function.name} cannot be rolled: {why}") from None
+        return why
     if roll == AUTO and links < PER_KIND * kinds:
         return f"{links} links of {kinds} kinds, too few of each to gain"
     return None

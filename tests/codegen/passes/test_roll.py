@@ -204,8 +204,8 @@ def test_a_wrong_entry_of_a_table_is_refused(
     made = hamel.build(path, out=tmp_path / "made", **asked)
     module = loader.load(made.folder)
     x = np.zeros(24)
-    motion = module.simulate(x, np.linspace(0.0, 0.1, 3), u=np.zeros(12))
-    assert motion.ok
+    motion = module.simulate(np.linspace(0.0, 0.1, 3), x, u=np.zeros(12))
+    assert motion.status == 0
     usual = pipeline.program_for
     for where in (reuse, pipeline):
         monkeypatch.setattr(where, "file_key", lambda *given: None)

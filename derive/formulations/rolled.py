@@ -53,7 +53,8 @@ _NAMES = (
 
 def recursion(system: System, otherwise: str = "") -> Recursion:
     """The loops for v̇ of a tree of turning and sliding links. Raises AssumptionError, with the
-    reason, for what has other joints, is closed, or has forces that act between joints; and `otherwise`, where that is said."""
+    reason, for what has other joints, is closed, or has forces that act between joints; and with
+    `otherwise`, where that is said."""
     _check(system)
     if otherwise:
         raise AssumptionError(otherwise)

@@ -112,6 +112,7 @@ def code_without_tables(made: Program) -> str:
     return re.sub(r"\b\d+\b", "", text.lower().replace(made.name, ""))
 
 
+@pytest.mark.slow
 def test_code_does_not_grow_with_the_number_of_links(tmp_path: Path) -> None:
     few, many = (program(derived(tmp_path, chain(n)), DYNAMICS, roll="always") for n in (9, 18))
     assert code_without_tables(few) == code_without_tables(many)
@@ -131,6 +132,7 @@ def test_slots_are_used_again(tmp_path: Path) -> None:
     assert len([place for place in of.to if place >= 0]) > of.slots == 2
 
 
+@pytest.mark.slow
 def test_bytes_are_the_same_twice(tmp_path: Path) -> None:
     once, again = (program(derived(tmp_path, tree()), DYNAMICS, roll="always") for _ in range(2))
     assert emit(once) == emit(again) and once.fingerprint == again.fingerprint
@@ -163,6 +165,7 @@ def test_a_force_between_joints_keeps_the_unrolled_way_and_says_so(tmp_path: Pat
     assert json.loads(emit(made)["manifest.json"])["rolled"] == {name: how}
 
 
+@pytest.mark.slow
 def test_targets_of_straight_code_refuse_loops_or_get_straight_code(tmp_path: Path) -> None:
     equations = derived(tmp_path, tree())
     asked = BuildOptions(functions=DYNAMICS, targets=("casadi",), roll="always")

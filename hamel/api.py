@@ -58,6 +58,7 @@ def build(
     fix: Mapping[str, float | str] | None = None,
     real: str = "float64",
     targets: Collection[str] = (),
+    roll: str = "auto",
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
@@ -70,7 +71,9 @@ def build(
     header for C and C++. `fix` gives inputs and parameters a value, a number in SI or text with a
     unit, and bakes it in: the functions take them no more, and u is shorter. `real` is what the
     code computes in, float64 or float32. `targets` are written beside the module and checked by
-    the tools that use them: `hamel list` names all.
+    the tools that use them: `hamel list` names all. `roll` says whether `dynamics` of a tree of
+    turning and sliding links is a loop over the links, whose code does not grow with their number:
+    "never", "always", or "auto", from 40 links on.
     """
     from hamel.build.reuse import reused
 
@@ -86,6 +89,7 @@ def build(
         fix=fix or {},
         real=real,
         targets=_names(targets),
+        roll=roll,
     )
     again = reused(path, out, options)
     if again is not None:  # then nothing of what derives has to be imported

@@ -79,6 +79,13 @@ def check(model: str) -> Any:
     "--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy."
 )
 @click.option(
+    "--roll",
+    type=click.Choice(("auto", "never", "always")),
+    default="auto",
+    show_default=True,
+    help="dynamics of a tree as a loop over its links (auto: from 40 links on).",
+)
+@click.option(
     "--header",
     is_flag=True,
     help="Also write all functions as one header of inline functions, NAME_inline.h.",

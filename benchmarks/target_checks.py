@@ -64,6 +64,8 @@ def row(target: str, kind: str) -> Row:
         return Row(target, model, error.diagnostics[0].message, None, True)
     except HamelError as error:
         return Row(target, model, " ".join(str(error).split()), None, False)
+    names = [check.name.partition(": ")[2] for check in found.checks]
+    tool = ", ".join([tool, *(name for name in names if name.startswith("not run"))])
     return Row(target, model, tool, max(map(_share, found.checks)), found.passed)
 
 

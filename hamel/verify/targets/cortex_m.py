@@ -26,6 +26,8 @@ LIMIT = 100.0  # s
 FLASH, STACK = 32 << 10, 2 << 10  # bytes that a controller may take
 # helpers of the compiler for double, the heap, printing
 UNWANTED = re.compile(r"\b(__aeabi_[df]?d\w*|__\w+df\w*|_?malloc\w*|_?sbrk\w*|\w*printf\w*)\b")
+# a line of the program: names, then words in hexadecimal
+PRINTED = re.compile(r"^(?:instructions )?\w+(?: [0-9a-f]{8})+$", re.MULTILINE)
 SMALL = 30  # states of a model whose controller is held to FLASH and STACK
 
 
@@ -130,19 +132,18 @@ def _made(place: Path, goal: str, processor: str) -> subprocess.CompletedProcess
 
 
 def _run(said: str) -> Run:
+    """Lines of other kinds, such as a compiler's or QEMU's, are none of the program's."""
     found = Run()
-    for line in said.splitlines():
+    for line in PRINTED.findall(said):
         match line.split():
             case ["instructions", name, count, stack]:
                 found.cost[name] = (int(count, 16), int(stack, 16))
-            case [name, status, *words]:
+            case [name, status, *words]:  # a function at a state
                 values = np.array([int(word, 16) for word in words], np.uint32).view(np.float32)
                 good = int(status, 16) == 0
                 found.results.setdefault(name, []).append(
                     values.astype(float) if good else np.full(len(words), np.nan)
                 )
-            case _:
-                pass
     return found
 
 

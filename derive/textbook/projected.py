@@ -150,7 +150,8 @@ def _solved(doc: Manuscript) -> None:
         return
     M = doc.entries["M_w"]
     f = [x - y for x, y in zip(_column(doc, "f_w"), _column(doc, "h_w"))]
-    short = doc.reader.whole(doc.terms.wdot, SHORT)
+    # where the bias took two steps, its quotient is longer still
+    short = None if "F" in doc.entries else doc.reader.whole(doc.terms.wdot, SHORT)
     if short is not None:
         _explicit(doc, "Solved for the accelerations, the explicit equations of motion are:")
         _accelerations(doc, short)

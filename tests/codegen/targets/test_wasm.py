@@ -124,6 +124,7 @@ def test_nothing_is_imported_by_the_module(cart_pole):
     subprocess.run(command, check=True, cwd=cart_pole.folder / "wasm")
 
 
+@pytest.mark.slow
 def test_without_a_compiler_nothing_is_built(monkeypatch, tmp_path):
     """The command that installs one is said, before anything is written."""
     if compiler.find_compiler() is None:

@@ -16,7 +16,7 @@ _RAISED = re.compile(
     r"(<msup><mo [^>]*>[a-z]+</mo><mrow>(?:(?!</msup>).)*</mrow></msup>)(?!<mrow><mo stretchy)"
 )
 _DIGIT = re.compile(r"\\mathbf\{(\d)\}")  # a digit loses its bold face in latex2mathml
-_INSIDE = re.compile(r"<math [^>]*><mrow>(.*)</mrow></math>", re.DOTALL)
+ROW, END = "<mrow>", "</mrow></math>"
 _TOKEN = re.compile(
     r"\\(?:begin|end)\{\w+\}|\\(?:left|right)(?![a-z])|\\[A-Za-z]+|\\.|[^\\{}+\-]+|."
 )
@@ -52,7 +52,8 @@ def mathml(latex: str, display: bool = False) -> str:
 @cache
 def _converted(latex: str) -> str:
     """What stands in the element: factors recur from formula to formula."""
-    return _INSIDE.fullmatch(convert(latex))[1]
+    text = convert(latex)
+    return text[text.index(ROW) + len(ROW) : text.rindex(END)]
 
 
 def _factors(latex: str) -> list[str]:

@@ -280,18 +280,28 @@ class Program:
     frame: int = field(default=0, repr=False)  # last entries of p: directions that are based anew
     real: Real = field(default=FLOAT64, repr=False)  # what it computes in
     targets: tuple[str, ...] = field(default=(), repr=False)  # on request, besides those of all
+    states: tuple[str, ...] = field(default=(), repr=False)  # first-order states, the last of x
 
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
         several = "".join(
             repr(more)
-            for more in (self.charts, self.turning, self.frame, self.events, self.steppers)
+            for more in (
+                *(self.charts, self.turning, self.frame, self.events, self.steppers),
+                self.states,
+            )
             if more
         )
         return hashlib.sha256(
             f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()
         ).hexdigest()[:32]
+
+    @property
+    def coordinates(self) -> int:
+        """How many of the leading entries of x are coordinates."""
+        behind = len(self.quasi_velocities) + len(self.states)
+        return len(self.argument("x").names) - behind
 
     @property
     def simulates(self) -> bool:

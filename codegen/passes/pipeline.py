@@ -99,7 +99,7 @@ def program(
     ]
     kernels: list[Kernel] = []
     ledger: list[Entry] = []
-    turning = _Turning(len(arguments[1].names) - len(equations.w) if simulates else 0)
+    turning = _Turning(len(arguments[1].names) - len(equations.w) - len(equations.z) if simulates else 0)
     for source, function in emitted:
         kernel, entries = _kernel(source, function, turning)
         kernels.append(kernel)
@@ -113,6 +113,7 @@ def program(
         reason=equations.reason,
         pivots=equations.pivots,
         quasi_velocities=equations.w,
+        states=equations.z,
         assumptions=equations.assumptions,
         constants=equations.system.constants,
         fixed=model.fixed,

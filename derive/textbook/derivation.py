@@ -22,6 +22,7 @@ from derive.textbook.records import Document, Math, Text
 from derive.textbook.roads import Road
 from derive.textbook.worked import with_numbers
 from derive.textbook.routes import roads_of, write_roads
+from derive.textbook.states import first_order_states
 
 REFERENCES = (
     "Mirtaheri, Zohoor: Quasi-velocities definition in Lagrangian multibody dynamics. [A; B] "
@@ -95,6 +96,7 @@ def references(doc: Manuscript) -> None:
 FIRST: tuple[Callable[[Manuscript], None], ...] = (
     given,
     coordinates,
+    first_order_states,
     links,
     energies,
     constraints,

@@ -83,7 +83,7 @@ def written(value: float) -> Fraction:
 def state_of(e: Equations, initial: Initial, p: np.ndarray, t: float = 0.0) -> np.ndarray:
     """x from (q, v) by the equations' own function."""
     found = function_of(e, "state")(
-        t, np.concatenate([initial.q, initial.v]), np.zeros(e.system.u.numel()), p
+        t, initial.whole, np.zeros(e.system.u.numel()), p
     )
     return np.asarray(found).ravel()
 

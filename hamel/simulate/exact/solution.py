@@ -92,12 +92,20 @@ def solution(problem: Problem, times: Sequence[float], digits: int = 30) -> Solu
     """The motion at rising `times` (s), as decimals that are to be right in `digits` behind the
     point. Raises NotAnalytic where there is no series, Stopped where the motion ends. Remembered by
     content."""
+    _check_states(problem)
     name = _fingerprint(problem, times, digits)
     kept = _stored_solution(name)
     if kept is None:
         kept = _computed(problem, times, digits)
         _keep(name, kept)
     return kept
+
+
+def _check_states(problem: Problem) -> None:
+    e = problem.equations
+    if e.z:
+        names = ", ".join(e.z)
+        raise NotAnalytic(f"solutions of many digits know no first-order states ({names})")
 
 
 def _computed(problem: Problem, times: Sequence[float], digits: int) -> Solution:

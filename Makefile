@@ -14,7 +14,7 @@ PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exu
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report targets embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
+.PHONY: demo report pages targets embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -134,6 +134,10 @@ $(ROBOTS)/.ready: pyproject.toml
 	@$(PYTHON) -m venv --clear $(ROBOTS)
 	@$(ROBOTS)/bin/python -m pip install --quiet --disable-pip-version-check --editable . 'pin>=4' example-robot-data 'mujoco>=3' exudyn
 	@touch $@
+
+# Every page of every model in Chromium, at two widths: build/pages.json; a part of it as in make pages MODELS="four_bar bicycle".
+pages: $(VENV)/.test
+	$(BIN)/python benchmarks/pages.py $(MODELS)
 
 # Rebuild the committed modules after a change of the generator.
 fresh: $(VENV)/.run-time

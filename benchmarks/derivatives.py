@@ -74,4 +74,3 @@ def _flat(*parts: np.ndarray) -> np.ndarray:
 
 def _nothing(rows: np.ndarray) -> np.ndarray:
     return np.ones((len(rows), 1))
-

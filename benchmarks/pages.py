@@ -103,7 +103,9 @@ def main(names: Sequence[str]) -> int:
     (HOME / "build" / "pages.json").write_text(text, encoding="utf-8")
     wrong = [row for row in rows if row["clipped"] or row["overlaps"]]
     for row in wrong:
-        print(f"{row['page']} at {row['width']}: {row['clipped']} clipped, {row['overlaps']} overlap")
+        print(
+            f"{row['page']} at {row['width']}: {row['clipped']} clipped, {row['overlaps']} overlap"
+        )
         print("".join(f"    {text}\n" for text in places[row["page"], row["width"]]), end="")
     print(f"{len(pages)} pages at {len(WIDTHS)} widths, {len(wrong)} with something wrong")
     return 1 if wrong else 0

@@ -88,7 +88,8 @@ def _with_targets(manifest: str, files: Mapping[str, Mapping[str, str]]) -> str:
 
 
 def _check_names(model: str, emitted: Iterable[str]) -> None:
-    """Files and compiled modules as a set (two targets may share a file), also where a file system does not tell a from A.
+    """Files and compiled modules as a set (two targets may share a file), also where a file system
+    does not tell a from A.
 
     Python takes the compiled _NAME before a _NAME.py, so that these must differ, too.
     """

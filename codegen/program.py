@@ -127,6 +127,22 @@ class Solving:
         return tuple(sum(counts[:i]) for i in range(len(counts) + 1))
 
     @property
+    def gathered(self) -> tuple[tuple[int, int], ...]:
+        """(number of the pair, k) of what each unknown gets on the way there, in order."""
+        return tuple(
+            (number, k)
+            for one in self.order
+            for number, (i, k) in enumerate(self.pairs)
+            if i == one
+        )
+
+    @property
+    def begins(self) -> tuple[int, ...]:
+        """Where those of each unknown begin, in order, and where all end."""
+        counts = [sum(i == one for i, _ in self.pairs) for one in self.order]
+        return tuple(sum(counts[:i]) for i in range(len(counts) + 1))
+
+    @property
     def operations(self) -> dict[str, int]:
         """Of the loop."""
         columns = sum(end - begin for begin, end in self.ranges)
@@ -161,7 +177,8 @@ class Kernel:
     operations: Mapping[str, int]  # of each kind and "total"
     hoisted: Hoisted | None = None
     pattern: Pattern | None = None  # of a result that holds the values of a sparse matrix
-    solving: Solving | None = None  # what is done to the outputs at the end
+    # what is done to the outputs at the end
+    solving: Solving | None = field(default=None, repr=False)
 
     @property
     def computed(self) -> tuple[Expression, ...]:
@@ -285,14 +302,10 @@ class Program:
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
-        several = "".join(
-            repr(more)
-            for more in (
-                *(self.charts, self.turning, self.frame, self.events, self.steppers),
-                self.states,
-            )
-            if more
-        )
+        solving = [kernel.solving for kernel in self.kernels if kernel.solving]
+        further = (self.charts, self.turning, self.frame, self.events, self.steppers, solving)
+        further = (*further, self.states)
+        several = "".join(repr(more) for more in further if more)
         return hashlib.sha256(
             f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()
         ).hexdigest()[:32]

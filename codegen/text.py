@@ -202,7 +202,8 @@ def _environment() -> jinja2.Environment:
         autoescape=False,
     )
     filters: dict[str, Callable[..., str]] = {
-        "comment": comment, "c_string": c_string, "py": python_string, "matlab": matlab_string, "doc": python_doc,
+        "comment": comment, "c_string": c_string, "py": python_string,
+        "matlab": matlab_string, "doc": python_doc,
         "number": number, "xml": xml,
         "py_number": functools.partial(number, language=NUMPY), "wrapped": wrapped,
     }  # fmt: skip

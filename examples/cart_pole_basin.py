@@ -1,8 +1,8 @@
 """Which states a controller brings upright: the basin of attraction of a pendulum on a cart.
 
-The cart is pushed by u = −K x of an LQR, limited to 20 N. The controller stands in the model itself, as a
-load on the track, so that it runs in compiled code; a grid of angles and rates is swept, and a
-motion is caught when it ends upright.
+The cart is pushed by u = −K x of an LQR, limited to 20 N. The controller stands in the model
+itself, as a load on the track, so that it runs in compiled code; a grid of angles and rates is
+swept, and a motion is caught when it ends upright.
 """
 
 import sys

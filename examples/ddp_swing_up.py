@@ -158,7 +158,7 @@ def main() -> tuple[Plan, Plan, np.ndarray]:
         p[module.parameters.index("vs")] = SMOOTH
 
         def held(t: float, x: np.ndarray) -> np.ndarray:
-            k = min(int(round(t / STEP)), STEPS - 1)
+            k = min(round(t / STEP), STEPS - 1)
             return exact.u[k] - exact.K[k] @ (x - exact.x[k])
 
         end = STEP * STEPS

@@ -351,17 +351,19 @@ def derive(
     out: str | Path | None = None,
     formulation: str = "quasi_velocities",
     road: Sequence[str] = ("block_inversion",),
+    pdf: bool = False,
 ) -> records.Derived:
     """Write the derivation as derivation.html and derivation.tex into `out` (default: the current
     folder).
 
     `road` names one way to the equations without multipliers, or two that are put side by side:
     block_inversion, maggi, kane, boltzmann_hamel, gibbs_appell, multipliers, udwadia_kalaba. Raises
-    AssumptionError where the model cannot take it.
+    AssumptionError where the model cannot take it. With `pdf` derivation.pdf is typeset as well, by
+    pdflatex; raises ToolchainError where there is none.
     """
     from hamel.verbs.derive import run
 
-    return run(path, choice, Path(out or "."), formulation, road)
+    return run(path, choice, Path(out or "."), formulation, road, pdf)
 
 
 def draw(path: Model, *, out: str | Path | None = None) -> records.Drawn:

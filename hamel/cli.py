@@ -541,6 +541,9 @@ def linearize(
     help="The way to the equations, or two side by side: block_inversion, maggi, kane, "
     "boltzmann_hamel, gibbs_appell, multipliers, udwadia_kalaba.",
 )
+@click.option(
+    "--pdf", is_flag=True, help="Typeset derivation.pdf too, where pdflatex is installed."
+)
 def derive(model: str, road: str, **options: Any) -> Any:
     """Write the derivation of MODEL to read."""
     return hamel.derive(model, road=name_list(road), **options)

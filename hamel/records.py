@@ -178,6 +178,7 @@ class Derived:
     reason: str
     html: Path
     tex: Path
+    pdf: Path | None = None
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,8 @@ def schedule(
     shape: tuple[int, int] = (0, 1),
 ) -> Scheduled:
     """inputs names argument entries; free(wanted) makes a name that is not taken; `title` heads
-    what belongs to no mark. Of a matrix of that `shape`, where it comes first, one column is finished
-    after the other: what a column is made of has to be kept no longer."""
+    what belongs to no mark. Of a matrix of that `shape`, where it comes first, one column is
+    finished after the other: what a column is made of has to be kept no longer."""
     roots = [root for root in _by_columns(lowered.roots, *shape) if isinstance(root, int)]
     wanted = set(lowered.wanted)
     groups: list[tuple[str, list[int]]] = []

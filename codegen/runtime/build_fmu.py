@@ -1,5 +1,5 @@
-"""Packs a generated folder that was compiled into NAME.fmu, or NAME_fmi2.fmu: the library, its sources and what
-describes them.
+"""Packs a generated folder that was compiled into NAME.fmu, or NAME_fmi2.fmu: the library, its
+sources and what describes them.
 
 Standard library only. build.py runs this file in a generated folder. The same files give the same
 bytes. No claim of licence is made on this file: 0BSD, see LICENSE.txt.
@@ -16,7 +16,7 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 NAME = ""
-VERSION = 3  # of FMI
+VERSION: int = 3  # of FMI
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that a zip file can tell
 ENDINGS = {"win32": ".dll", "darwin": ".dylib"}
 SYSTEMS = {"win32": "windows", "darwin": "darwin", "linux": "linux"}

@@ -9,6 +9,7 @@ see LICENSE.txt.
 from __future__ import annotations
 
 import concurrent.futures
+import functools
 import importlib.util
 import json
 import pathlib
@@ -45,7 +46,7 @@ def main(folder: pathlib.Path) -> list[str]:
         for out, flags in made.items()
     ]
     with concurrent.futures.ThreadPoolExecutor(len(tasks)) as pool:
-        for done in pool.map(lambda task: run(folder, task), tasks):
+        for done in pool.map(functools.partial(run, folder), tasks):
             if done.returncode:
                 raise RuntimeError(f"{done.args[0]} failed: {done.stderr[-4000:]}")
     return list(made)

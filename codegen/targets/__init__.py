@@ -37,6 +37,17 @@ TARGETS: tuple[Target, ...] = (
 )
 
 # emitted where `--target` names them
-ON_REQUEST: tuple[Target, ...] = (CASADI, ACADOS, CORTEX_M, CPP, FMU, FMU2, NUMBA, JAX, MATLAB, WASM)
+ON_REQUEST: tuple[Target, ...] = (
+    CASADI,
+    ACADOS,
+    CORTEX_M,
+    CPP,
+    FMU,
+    FMU2,
+    NUMBA,
+    JAX,
+    MATLAB,
+    WASM,
+)
 
 __all__ = ["ON_REQUEST", "TARGETS", "Target"]

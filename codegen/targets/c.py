@@ -159,7 +159,7 @@ def _piece(
     uses = {load.argument for load in part.loads}
     if part.taken or part.kept or any(i >= len(kernel.outputs) for i, _ in part.outputs):
         uses.add("work")
-    if part.outputs:
+    if any(i < len(kernel.outputs) and _stands(kernel, value) for i, value in part.outputs):
         uses.add("out")
     if part.residual is not None:
         uses.add("residual")
@@ -184,7 +184,7 @@ def _far(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterato
     for step in _steps(program, part, style):
         yield from step.lines
     yield ""
-    yield from (_output(kernel, i, style) for i, _ in part.outputs)
+    yield from (_output(kernel, i, style) for i, value in part.outputs if _stands(kernel, value))
     yield from (_store_line(name, slot, style) for name, slot in part.kept)
 
 
@@ -211,8 +211,15 @@ def _near(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterat
     for lines in stores.values():
         yield from lines
     yield from (
-        _output(kernel, i, style) for i, value in part.outputs if not isinstance(value, str)
+        _output(kernel, i, style)
+        for i, value in part.outputs
+        if not isinstance(value, str) and _stands(kernel, value)
     )
+
+
+def _stands(kernel: Kernel, value: Expression) -> bool:
+    """Whether an output is to be written: where something is solved for, all begin as zeros."""
+    return not (kernel.solving and value == 0.0)
 
 
 def _loads(part: Part, style: _Style) -> dict[str, str]:
@@ -337,7 +344,11 @@ def _output(kernel: Kernel, i: int, style: _Style) -> str:
 
 def _stray(program: Program, kernel: Kernel, style: _Style) -> str:
     """0 * value is 0 for finite values and NaN for the others; many values are gone through in
-    loops."""
+    loops. What is solved for is looked at there."""
+    if kernel.solving:
+        sizes = {a.name: len(a.names) for a in program.arguments} | {"x": len(kernel.x.names)}
+        given = [f"{program.name}_stray({a}, {sizes[a]})" for a in kernel.uses if a != "t"]
+        return _added([*given, "0.0 * t", "solved"])
     watched = ["t" if name == "t" else style.entry.format(name, i) for name, i in kernel.watched]
     results = [style.entry.format("out", i) for i in kernel.results]
     if len(watched) + len(results) <= FEW or style is _MANY:

@@ -77,7 +77,8 @@ class External:
 def files(program: Program) -> dict[str, str]:
     """NAME_casadi.py and NAME_external.c."""
     data: dict[str, Any] = {"prefix": program.name, "PREFIX": program.name.upper()}
-    bodies = [_body(kernel) for kernel in program.kernels]
+    # what is solved for in a loop is there as compiled code alone
+    bodies = [_body(kernel) for kernel in program.kernels if not kernel.solving]
     looped = [_stepper(program, stepper.kernel) for stepper in plain_steppers(program)]
     externals = [*(_external(program, kernel) for kernel in program.kernels), *looped]
     data |= {"externals": externals, "steps": _steps(program)}
@@ -85,9 +86,7 @@ def files(program: Program) -> dict[str, str]:
     widest = max((size for external in externals for size in external.sizes), default=1)
     return {
         f"{program.name}_casadi.py": text.render("casadi.py.j2", program, bodies=bodies, **data),
-        f"{program.name}_external.c": text.render(
-            "external.c.j2", program, widest=widest, **data
-        ),
+        f"{program.name}_external.c": text.render("external.c.j2", program, widest=widest, **data),
     }
 
 

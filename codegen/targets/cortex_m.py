@@ -13,7 +13,7 @@ from codegen.targets.records import Target, plain_sources
 FOLDER = "cortex-m"
 RUNTIME = Path(__file__).parents[1] / "runtime" / "cortex_m"
 CONTROL = "inverse_dynamics_u"
-STACK = 2048  # bytes of the controller
+STACK = 4096  # bytes of the controller, which needs less than half of it
 ROOM = 16384  # bytes of stack for all functions; more where one has a large workspace
 
 
@@ -35,7 +35,7 @@ def files(program: Program) -> dict[str, str]:
         "nw": len(program.quasi_velocities),
         "first": program.coordinates,
         "start": program.nominal or (0.0,) * len(program.argument("x").names),
-        "row": lambda kernel: _row(program, kernel),
+        "rows": {kernel.name: _row(program, kernel) for kernel in kernels},
     }
     named = {"Makefile": "makefile", "check.c": "check.c", "states.h": "states.h"}
     if controls(program):

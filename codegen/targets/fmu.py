@@ -19,7 +19,9 @@ from derive.expressions.parser import unit as unit_of
 from derive.expressions.units import BASE
 
 FOLDER = Path(__file__).parents[1] / "runtime"
-RUNTIME = tuple(path.name for path in sorted(FOLDER.glob("runtime_fmi*.h")) if "fmi2" not in path.name)
+RUNTIME = tuple(
+    path.name for path in sorted(FOLDER.glob("runtime_fmi*.h")) if "fmi2" not in path.name
+)
 # functions whose results are variables, the outputs first and what makes event indicators last
 GROUPS = ("outputs", "reactions", "energy", "power", "events")
 NAMED = {"energy": ("kinetic_energy", "potential_energy"), "power": ("power",)}

@@ -19,9 +19,9 @@ KEYWORDS = """
 """
 # functions that NAME.m calls, which a class of that name would hide
 CALLED = """
-    addpath ans build cd defaults delete disp double error eps exist fileparts fullfile i inf isempty
-    isfield j mex mfilename mkoctfile nan numel onCleanup permute pi rehash reshape simulate size
-    strcmp struct zeros
+    addpath ans build cd defaults delete disp double error eps exist fileparts fullfile i inf
+    isempty isfield j mex mfilename mkoctfile nan numel onCleanup permute pi rehash reshape simulate
+    size strcmp struct zeros
 """
 
 

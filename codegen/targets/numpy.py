@@ -103,7 +103,8 @@ def _piece(kernel: Kernel, part: Part, language: text.Language) -> Piece:
     return Piece(
         lines=tuple(_lines(part, language)),
         outputs=tuple(
-            f"{_target(kernel, i)} = {text.expression(value, language)}" for i, value in part.outputs
+            f"{_target(kernel, i)} = {text.expression(value, language)}"
+            for i, value in part.outputs
         ),
         kept=tuple(f"work[{slot}] = {name}" for name, slot in part.kept),
         guards=tuple(

@@ -38,7 +38,6 @@ MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy on
 MOST_WAYS = 16  # combinations of the ways to write constraint rows that are tried
 FINALISTS = 5  # the best by pivots and condition, for which the equations are formed and counted
 RANK = 1e-9  # singular values of rows of length one below this are zero
-LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
 # of large systems fewer states are looked at: about so many velocities, at least so many states
 ENTRIES = 2_000
 FEWEST = 10

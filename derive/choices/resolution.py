@@ -179,7 +179,7 @@ def carried_out(
         return Resolved(ranking, reduction, equations, reason)
     B = _matrix(rows, survey.system.v.numel())
     sizes, sampled = (
-        [*survey.form_sizes, *row_lengths(_numeric_rows(survey, B))],
+        [*survey.form_sizes, *row_lengths(_numeric_rows(survey, B)).tolist()],
         survey.sampled_for(B),
     )
     found = _in_every_way(survey, names, rows, sampled, sizes)

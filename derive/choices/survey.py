@@ -14,7 +14,6 @@ import numpy as np
 from derive.choices.limits import (
     ENTRIES,
     FEWEST,
-    LEFT_OVER,
     MOST_WAYS,
     RANK,
     REGULAR,
@@ -36,7 +35,7 @@ from derive.model.constraint_records import Holonomic
 from derive.model.records import Velocity
 from derive.states.closing import Kinematics
 from derive.states.initial import initial_state
-from derive.states.sampling import States, states
+from derive.states.sampling import States, row_lengths, states
 
 
 @dataclass(frozen=True)
@@ -114,7 +113,7 @@ class Survey:
     @cached_property
     def sizes(self) -> list[float]:
         """The largest length of each row of A over the sampled states."""
-        return row_lengths(self.plain_rows)
+        return row_lengths(self.plain_rows).tolist()
 
     @property
     def rank(self) -> int:
@@ -188,8 +187,10 @@ class Survey:
             return self.sizes
         combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
         s, A = self.sampled, self.independent_rows.A
-        found = row_lengths(self.solver.values(A[combined, :], s.t, s.q, s.p)) if combined else []
-        return [size for i, size in enumerate(self.sizes) if i not in self.grouped] + found
+        single = [size for i, size in enumerate(self.sizes) if i not in self.grouped]
+        if not combined:
+            return single
+        return [*single, *row_lengths(self.solver.values(A[combined, :], s.t, s.q, s.p)).tolist()]
 
     @cached_property
     def combines(self) -> bool:
@@ -227,15 +228,7 @@ class Survey:
 
 def even_rows(matrices: np.ndarray) -> np.ndarray:
     """Matrices (k, rows, columns) with rows of length at most one, divided alike in all."""
-    return matrices / np.array(row_lengths(matrices))[:, None]
-
-
-def row_lengths(matrices: np.ndarray) -> list[float]:
-    """The largest length of each row over the matrices; 1 for a row of zeros, or of what rounding
-    has left of them."""
-    lengths = np.max(np.linalg.norm(matrices, axis=2), axis=0)
-    least = LEFT_OVER * float(np.max(lengths, initial=0.0))
-    return [float(x) if x > least else 1.0 for x in lengths]
+    return matrices / row_lengths(matrices)[:, None]
 
 
 def survey_of(system: System, moving: bool = False) -> Survey:

@@ -60,10 +60,9 @@ def reduced(
 
 def _minimal(survey: Survey, reduction: Reduction, found: Explicit, lam: ca.SX) -> Minimal:
     rows = survey.independent_rows
-    R = ca.SX(survey.system.v.numel(), 0)
-    if survey.rank:
-        Y = ca.vertcat(rows.A, reduction.B)
-        R = per_unit_of_c(survey, Y, survey.rank, reduction)
+    Y = ca.vertcat(rows.A, reduction.B)
+    nothing = ca.SX(survey.system.v.numel(), 0)
+    R = per_unit_of_c(survey, Y, survey.rank, reduction) if survey.rank else nothing
     return Minimal(
         S=reduction.S,
         sigma=reduction.sigma,

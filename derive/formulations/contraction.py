@@ -39,9 +39,7 @@ class _Residual:
     mass: ca.SX
 
 
-def contractions(
-    system: System, motion: Motion, z: ca.SX, y: ca.SX, dz: ca.SX
-) -> Iterator[ca.SX]:
+def contractions(system: System, motion: Motion, z: ca.SX, y: ca.SX, dz: ca.SX) -> Iterator[ca.SX]:
     """y·∂²ẋ [dz] (nz × 1) by every residual there is; by none with first-order states."""
     if system.model.states:
         return
@@ -63,9 +61,7 @@ def _newton_euler(system: System, motion: Motion, vdot: ca.SX, mu: ca.SX) -> _Re
     forces = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot)
     value = forces + system.h_extra - system.Q
     still = [0.0] * mu.numel()
-    wrenches = newton_euler(
-        system.links, system.inertias[-1], still, entries(mu), [0.0, 0.0, 0.0]
-    )
+    wrenches = newton_euler(system.links, system.inertias[-1], still, entries(mu), [0.0, 0.0, 0.0])
     product = column(joint_forces(system.links, wrenches, mu.numel()))
     product = product + ca.mtimes(system.M_extra, mu)
     found = (at_motion(system, motion, x) for x in (value, product, system.M))

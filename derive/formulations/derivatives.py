@@ -29,8 +29,8 @@ ALL = "ẋ, ∂ẋ/∂x and ∂ẋ/∂u side by side, [ẋ ∂ẋ/∂x ∂ẋ/�
 FORWARD = "derivative of ẋ along (dx, du): ∂ẋ/∂x dx + ∂ẋ/∂u du, from (x, dx, du)"
 ADJOINT = "adjoint product [(∂ẋ/∂x)ᵀ y, (∂ẋ/∂u)ᵀ y], from (x, y)"
 CONTRACTION = (
-    "second-order contraction Σₖ yₖ ∂²ẋₖ [dx, du]: a symmetric matrix times (dx, du), nx + nu, from "
-    "(x, y, dx, du)"
+    "second-order contraction Σₖ yₖ ∂²ẋₖ [dx, du]: a symmetric matrix times (dx, du), nx + nu, "
+    "from (x, y, dx, du)"
 )
 JACOBIAN_FORWARD = (
     "derivative by (x, u) of ∂ẋ/∂x d + ∂ẋ/∂t τ with d and τ held, nx × (nx + nu), from (x, d, τ)"
@@ -56,8 +56,8 @@ def derivatives(
     Jacobians ∂ẋ/∂x (nx × nx), ∂ẋ/∂u (nx × nu), ∂ẋ/∂p (nx × np), ∂ẋ/∂t, products with them from the
     right (forward) and from the left (adjoint), and the steps of a controller with their
     sensitivities, which are loops around some of these. They are made when asked for:
-    differentiating costs more than all default functions. With the `mechanics` that ẋ came from they
-    are made by structure, where that takes fewer operations.
+    differentiating costs more than all default functions. With the `mechanics` that ẋ came from
+    they are made by structure, where that takes fewer operations.
     """
     dynamics = {function.name: function for function in functions}.get("dynamics")
     if dynamics is None or not dynamics.result.value.numel():
@@ -75,7 +75,9 @@ def derivatives(
         Request("jacobian_t", RATE, lambda: _rate(dynamics, slots["t"])),
         Request("dynamics_forward", FORWARD, lambda: _forward(dynamics, slots)),
         Request("dynamics_adjoint", ADJOINT, lambda: _adjoint(dynamics, slots)),
-        Request("jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots, ways)),
+        Request(
+            "jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots, ways)
+        ),
         Request("contraction", CONTRACTION, lambda: _contraction(dynamics, slots, ways)),
         Request("dynamics_hessian", HESSIAN, lambda: _hessian(dynamics, slots)),
         Request("step", STEP, needs=("dynamics", *IMPLICIT)),
@@ -149,7 +151,9 @@ def _jacobians(dynamics: Function, by: Argument, ways: Ways) -> tuple[Request, R
     values = f"entries of `{name}` that are not zero by structure, row by row"
     return (
         Request(name, about, lambda: _dense(dynamics, by, name, about, ways)),
-        Request(f"{name}_values", values, lambda: _values(dynamics, by, f"{name}_values", values, ways)),
+        Request(
+            f"{name}_values", values, lambda: _values(dynamics, by, f"{name}_values", values, ways)
+        ),
     )
 
 
@@ -160,9 +164,7 @@ def _dense(dynamics: Function, by: Argument, name: str, about: str, ways: Ways) 
     return Function(name, about, result, dynamics.named, dynamics.guards)
 
 
-def _values(
-    dynamics: Function, by: Argument, name: str, about: str, ways: Ways
-) -> Function:
+def _values(dynamics: Function, by: Argument, name: str, about: str, ways: Ways) -> Function:
     jacobian = ways.jacobian(by)
     if not jacobian.nnz():
         raise AssumptionError(f"{name} would be empty: ẋ does not depend on {_BY[by.name]}")
@@ -246,9 +248,7 @@ def cheapest_column(known: Sequence[ca.SX]) -> ca.SX:
     return known[counts.index(min(counts))]
 
 
-def _jacobian_forward(
-    dynamics: Function, slots: dict[str, Argument], ways: Ways
-) -> Function:
+def _jacobian_forward(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> Function:
     """One product for both: along (d, τ) the rate of ẋ is ∂ẋ/∂x d + ∂ẋ/∂t τ, and this its slope;
     or the rate of [∂ẋ/∂x ∂ẋ/∂u] along (d, τ), as second derivatives are symmetric."""
     t, x, u = slots["t"], slots["x"], slots["u"]
@@ -258,7 +258,7 @@ def _jacobian_forward(
     for slopes in ways.all:
         entries = ca.vec(ca.horzcat(slopes.by_x, slopes.by_u))
         rate = ca.jtimes(ca.densify(entries), ca.vertcat(x.symbols, t.symbols), d)
-        known.append(ca.reshape(rate, known[0].shape))
+        known.append(ca.reshape(rate, known[0].size1(), known[0].size2()))
     counts = alternatives([ca.vec(value) for value in known])
     value = known[counts.index(min(counts))]
     taken = _longer(x, d, (*_marked("d", x.labels), "d t"), (*x.units, "s"))

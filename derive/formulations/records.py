@@ -67,8 +67,8 @@ class Result:
 class Elimination:
     """M X = B of a symmetric M, to be solved in a loop over the columns of B where the code runs.
 
-    M = Lᵀ D L with the unknowns taken in `order`; `pairs`: (i, k), in order, row i gets −L times row
-    k on the way there, and gives as much back. `values`: those L, then 1/D of each unknown. B
+    M = Lᵀ D L with the unknowns taken in `order`; `pairs`: (i, k), in order, row i gets −L times
+    row k on the way there, and gives as much back. `values`: those L, then 1/D of each unknown. B
     stands in the function's `unsolved` result, in rows from `first` on and in the `ranges` (begin,
     end) of columns; X takes its place. Then `added` is added at `places` of the result.
     """

@@ -1,4 +1,4 @@
-"""∂ẋ/∂x and ∂ẋ/∂u from the slopes of inverse dynamics at the v̇ of the motion: M ∂v̇ = −∂(M v̇ + h − Q).
+"""∂ẋ/∂x and ∂ẋ/∂u from the slopes of inverse dynamics: M ∂v̇ = −∂(M v̇ + h − Q), v̇ held.
 
 With τ(q, v, v̇) = M v̇ + h − Q, v = S w + R c, v̇ = S ẇ + σ and λ = Rᵀ τ, so that Sᵀ τ = 0:
 
@@ -22,15 +22,14 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.formulations.functions import Minimal, Motion, at_motion
 from derive.formulations.limits import UNROLLED
 from derive.formulations.records import Elimination
-from derive.formulations.functions import Minimal, Motion, at_motion
 from derive.joints.rotations import cross, dot, is_zero, minus, plus, rotated, times, transpose
 from derive.mechanics.records import Inertia, Link, System
 from derive.mechanics.slopes import Tree
-from derive.mechanics.system import inertial_forces
 from derive.mechanics.solve import ldl_solution, scalars, small_inverse
-
+from derive.mechanics.system import inertial_forces
 
 Solve = Callable[[Matrix, Sequence[Vector]], list[Vector]]
 
@@ -202,9 +201,7 @@ def _tree(
     return Tree(system.links, inertias, v, ground)
 
 
-def rest_of(
-    system: System, motion: Motion, vdot: Vector, roots: Sequence[Link] = ()
-) -> _Rest:
+def rest_of(system: System, motion: Motion, vdot: Vector, roots: Sequence[Link] = ()) -> _Rest:
     """M_extra v̇ + h_extra − Q, differentiated as it is written: loads, rotors, energies by
     formula."""
     symbols = ca.SX.sym("vdot", system.v.numel())
@@ -287,33 +284,30 @@ def looped(system: System, motion: Motion) -> Elimination | None:
     if not _is_tree(system, motion) or system.model.states:
         return None
     terms = _terms(system, motion, system.inertias[-1])
-    by_q = matrix_of(terms.moves, system.v.numel()) @ terms.way + terms.by_q
+    by_q = ca.mtimes(matrix_of(terms.moves, system.v.numel()), terms.way) + terms.by_q
     sides = ca.sparsify(ca.horzcat(by_q, terms.by_v, terms.by_u))
-    ranges = _filled(sides)
-    factors, pivots = _factors(terms.mass)
-    columns = sum(end - begin for begin, end in ranges)
-    if (4 * len(factors) + len(pivots)) * columns <= UNROLLED:
+    columns = sum(end - begin for begin, end in _filled(sides))
+    if (4 * len(_factors(terms.mass)[0]) + len(terms.mass)) * columns <= UNROLLED:
         return None
-    still = [ca.SX(*part.shape) for part in (by_q, terms.by_v, terms.by_u)]
-    vdot, direct_q, direct_v = column(terms.vdot), still[0], still[1]
+    vdot, nv = column(terms.vdot), system.v.numel()
+    direct_q, direct_v = ca.SX(nv, system.q.numel()), ca.SX(nv, nv)
     for link in terms.afloat:
         vdot, direct_q, direct_v = _from_afloat(system, motion, link, vdot, direct_q, direct_v)
-    direct = ca.sparsify(ca.horzcat(direct_q, direct_v, still[2]))
-    return _elimination(system, motion, factors, pivots, vdot, sides, direct, ranges)
+    direct = ca.sparsify(ca.horzcat(direct_q, direct_v, ca.SX(nv, system.u.numel())))
+    return _elimination(system, motion, terms.mass, vdot, sides, direct)
 
 
 def _elimination(
     system: System,
     motion: Motion,
-    factors: dict[tuple[int, int], Scalar],
-    pivots: Vector,
+    mass: Matrix,
     vdot: ca.SX,
     sides: ca.SX,
     direct: ca.SX,
-    ranges: list[tuple[int, int]],
 ) -> Elimination:
     """What is known where something is solved for is added later, the rest stands there at once."""
-    nq, n = system.q.numel(), len(pivots)
+    factors, pivots = _factors(mass)
+    nq, n, ranges = system.q.numel(), len(pivots), _filled(sides)
     nothing = ca.SX(n, system.q.numel())
     known = _Known(vdot, nothing, ca.SX(n, n), ca.SX(n, system.u.numel()), ca.SX(n, nq))
     above = slopes_of(system, motion, known)
@@ -455,9 +449,7 @@ class _Carried:
 def _carried(system: System, motion: Motion, of: Minimal) -> _Carried:
     """Y ∂v = [∂c − ∂(A v); −∂(B v)] and the same of Y v̇ = [β; ẇ − Ḃ v]."""
     q, v, vdot = system.q, system.v, ca.SX.sym("vdot", system.v.numel())
-    turning = ca.jtimes(
-        ca.mtimes(motion.B, v), ca.vertcat(system.t, q), ca.vertcat(1, system.qdot)
-    )
+    turning = ca.jtimes(ca.mtimes(motion.B, v), ca.vertcat(system.t, q), ca.vertcat(1, system.qdot))
 
     def at(expression: ca.SX) -> ca.SX:
         there = ca.substitute(expression, vdot, motion.vdot)

@@ -119,7 +119,8 @@ class Tree:
             moved(body, (), [-x for x in point]) for point, body in zip(points, inertias)
         ]
         self.speeds = _speeds(self.seats, v)
-        self.composites, formed = list(self.bodies), []
+        self.composites = list(self.bodies)
+        formed: list[tuple[Inertia, Flow]] = []
         self.flows = [_own_flow(b, s.own) for b, s in zip(self.bodies, self.speeds)]
         for i in reversed(range(len(links))):
             formed.append(self._formed(i))
@@ -253,9 +254,7 @@ class Tree:
             result.append(_rate(seat, speed, above, omega, vdot))
         return result
 
-    def _wrenches(
-        self, rates: Sequence[Rate], balance: Sequence[Scalar] | None
-    ) -> list[Wrench]:
+    def _wrenches(self, rates: Sequence[Rate], balance: Sequence[Scalar] | None) -> list[Wrench]:
         """Of every subtree at P, forming axes."""
         parts = zip(self.bodies, self.speeds, rates)
         carried = [_inertia_force(body, speed.own, rate.own) for body, speed, rate in parts]
@@ -274,9 +273,7 @@ class Tree:
         return sum_of(n, cross(seat.arm, f)), f
 
     def _couple_down(self, i: int, couple: Vector, held: Wrench) -> Vector:
-        return sum_of(
-            _spun(self.seats[i].outer, couple), cross(self.speeds[i].rate, held[1])
-        )
+        return sum_of(_spun(self.seats[i].outer, couple), cross(self.speeds[i].rate, held[1]))
 
     def _to_forming(self, i: int, wrench: Wrench) -> Wrench:
         inner = self.seats[i].inner
@@ -304,8 +301,10 @@ def joint_points(links: Sequence[Link]) -> list[Vector]:
         near = _nearest(link, points)
         if near is None:
             continue
-        costs = [_products(links, [*points[:i], p, *points[i + 1 :]], i, beyond)
-                 for p in (points[i], near)]
+        costs = [
+            _products(links, [*points[:i], p, *points[i + 1 :]], i, beyond)
+            for p in (points[i], near)
+        ]
         if costs[1] < costs[0]:
             points[i] = near
     return points
@@ -341,8 +340,7 @@ def _products(
     """Entries of the arms to and from link i, each as often as it is carried over."""
     near = [k for k, link in enumerate(links) if k == i or link.parent == i]
     return sum(
-        beyond[k] * sum(not is_zero(x) for x in _placed_arm(links[k], points, k))
-        for k in near
+        beyond[k] * sum(not is_zero(x) for x in _placed_arm(links[k], points, k)) for k in near
     )
 
 
@@ -397,9 +395,7 @@ def _combined(seat: Seat, values: Sequence[Scalar]) -> Pair:
     return turn, slide
 
 
-def _rate(
-    seat: Seat, speed: Speed, above: Pair, omega: Vector, vdot: Sequence[Scalar]
-) -> Rate:
+def _rate(seat: Seat, speed: Speed, above: Pair, omega: Vector, vdot: Sequence[Scalar]) -> Rate:
     """α and a from those of the carrier: a + A r at P, then what the joint adds."""
     alpha, a = above
     at_joint = sum_of(a, _swung(omega, alpha, seat.arm))
@@ -465,12 +461,12 @@ def _own_flow(body: Inertia, omega: Vector) -> Flow:
 
 def _turned(body: Inertia, flow: Flow, rotation: Rotation) -> tuple[Inertia, Flow]:
     """In the axes that the rotation leads to."""
-    moment, tensor, p, G = body.moment, body.tensor, flow.p, flow.G
+    moment, tensor, p, swirl = body.moment, body.tensor, flow.p, flow.G
     for factor in reversed(rotation):
         R = matrix((factor,))
         moment, tensor, p = rotated(R, moment), turned_tensor(tensor, factor), rotated(R, p)
-        G = _turned_flow(G, factor)
-    return Inertia(body.mass, moment, tensor), Flow(p, G)
+        swirl = _turned_flow(swirl, factor)
+    return Inertia(body.mass, moment, tensor), Flow(p, swirl)
 
 
 def _turned_flow(G: Matrix, factor: Turn | Still) -> Matrix:

@@ -12,6 +12,7 @@ from derive.model import (
     events,
     extremes,
     frames,
+    letters,
     mechanism,
     motions,
     named_frames,
@@ -158,6 +159,8 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             named_frames.named_frame(reader, document, key, entry)
             for key, entry in document.frames.items()
         ),
+        symbols=letters.letters(reader, document, names.coordinates),
+        body_symbols=letters.of_bodies(reader, document),
         choices=motions.choices(reader, document),
         initial=motions.initial(reader, document, joints),
         steady_motions=tuple(

@@ -251,6 +251,9 @@ class EventEntry(Entry):
 class ParameterEntry(Entry):
     value: Formula = Field(description="Number with its unit, such as 0.2 m.")
     about: Formula | None = Field(None, description="What it is, for readers.")
+    symbol: Formula | None = Field(
+        None, description="How its name is typeset, such as \\delta_{1}."
+    )
 
 
 class TableEntry(Entry):
@@ -271,6 +274,9 @@ class TableEntry(Entry):
 class CoordinateEntry(Entry):
     unit: Formula = Field(description="Unit of the coordinate, such as m or rad.")
     about: Formula | None = Field(None, description="What it is, for readers.")
+    symbol: Formula | None = Field(
+        None, description="How its name is typeset, such as \\delta_{1}."
+    )
 
 
 class TurnedEntry(Entry):
@@ -364,6 +370,9 @@ class BodyEntry(Entry):
         "sets); true when left out.",
     )
     about: Formula | None = Field(None, description="What it is, for readers.")
+    symbol: Formula | None = Field(
+        None, description="How its name is typeset, such as \\delta_{1}."
+    )
 
 
 class OrientationEntry(Entry):
@@ -403,6 +412,9 @@ class JointEntry(TurnedEntry):
     type: Formula = Field(description="Kind of joint.")
     parent: Formula = Field(description="A body, or ground.")
     child: Formula = Field(description="A body; each is the child of one joint.")
+    symbol: Formula | None = Field(
+        None, description="How the name of its first coordinate is typeset, such as \\delta_{1}."
+    )
     at: JointPlace | None = Field(
         None,
         description="Where the joint is: a point of the parent, one of the parent and one of "

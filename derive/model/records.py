@@ -368,6 +368,8 @@ class Model:
     extremes: tuple[Extreme, ...] = ()
     events: tuple[Event, ...] = ()
     frames: tuple[NamedFrame, ...] = ()  # those of `frames:`; bodies and joints have theirs
+    symbols: tuple[tuple[str, str], ...] = ()  # of parameters and coordinates, as LaTeX
+    body_symbols: tuple[tuple[str, str], ...] = ()
     measures: tuple[Measure, ...] = ()  # kinematics that formulas use
     paths: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from

@@ -191,6 +191,8 @@ class Repetition:
         self.source.refuse(span, f"unknown index '{name}'", expected, hint)
 
     def _scalar(self, node: Scalar, bound: Binding, where: str, key: str) -> Scalar:
+        if key == "symbol" and "\\" in node.text:  # LaTeX, whose braces name no index
+            return replace(node, span=_at(node.span, where))
         if key in READERS and not self._readable(node.text, bound):
             return replace(node, span=_at(node.span, where))
         text = self._braced(node.text, node.span, bound, where)

@@ -18,6 +18,7 @@ RANK = 1e-9  # singular values of rows of length one below this are zero
 # sampling
 SQUARES = 1e-14  # eigenvalues of J Jᵀ below this part of the largest are zero: rounding of squares
 NOTHING_LEFT = 1e-8  # of a wish: the rows forbid all of it
+LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
 STEPS = 9  # of a walk
 FAR = 1.0  # rad or width: a step that moves a coordinate by more ran into a singular position
 LOOSE = 0.02  # rad or width: what a step may be off φ = 0 before its last correction

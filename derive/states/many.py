@@ -23,6 +23,7 @@ from derive.states.initial import own_units
 from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS
 
 EXACT = 1e-14  # |A v − c| against 1 + |v| that needs no correction
+ROUGHLY = 1e-6  # the same, of a step that another one follows
 SOLVED = 1e-13  # relative residual up to which the normal equations have solved A x = b
 
 
@@ -267,7 +268,7 @@ def closed_many(
         if not going.any():
             break
         alive, scale = alive[going], scale[going]
-        step = -free * least_many(J[going] * free, phi[going])
+        step = -free * least_many(J[going] * free, phi[going], ROUGHLY)
         largest = np.max(np.abs(step), axis=1, initial=0.0)
         q[alive] += step * np.minimum(1.0, LEAP * scale / (NONZERO + largest))[:, None]
     return q, done
@@ -284,14 +285,15 @@ def _applied(A: np.ndarray, x: np.ndarray) -> np.ndarray:
     return np.asarray((A @ x[:, :, None])[:, :, 0])
 
 
-def least_many(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+def least_many(A: np.ndarray, b: np.ndarray, within: float = SOLVED) -> np.ndarray:
     """The shortest x with A x = b of each motion, or nearest to it where rows repeat others: by the
-    normal equations A Aᵀ y = b, refined once, and by the singular values where that is not exact.
+    normal equations A Aᵀ y = b, refined where they are not solved `within` that part, and by the
+    singular values where that does not do.
     """
     k, m, n = A.shape
     if not m or not k:
         return np.zeros((k, n))
-    x, solved = _by_squares(A, b)
+    x, solved = _by_squares(A, b, within)
     if not solved.all():
         rest = ~solved & np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
         x[~solved] = np.nan
@@ -300,7 +302,7 @@ def least_many(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     return x
 
 
-def _by_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _by_squares(A: np.ndarray, b: np.ndarray, within: float) -> tuple[np.ndarray, np.ndarray]:
     lengths = np.linalg.norm(A, axis=2, keepdims=True)
     unit = A / np.where(lengths > 0, lengths, 1.0)
     side = b / np.where(lengths > 0, lengths, 1.0)[:, :, 0]
@@ -311,12 +313,13 @@ def _by_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros((len(A), A.shape[2])), np.zeros(len(A), dtype=bool)
     turned = unit.transpose(0, 2, 1)
     x = _applied(turned, _applied(inverse, side))
-    x = x + _applied(turned, _applied(inverse, side - _applied(unit, x)))
+    if within <= SOLVED:
+        x = x + _applied(turned, _applied(inverse, side - _applied(unit, x)))
     off = np.max(np.abs(side - _applied(unit, x)), axis=1)
     size = np.max(np.abs(side), axis=1) + np.max(np.abs(x), axis=1)
     # inverse of squares: the condition is that of A, squared
     sound = np.max(np.abs(inverse), axis=(1, 2)) < 1e10
-    return x, sound & (off <= SOLVED * size)
+    return x, sound & (off <= within * size)
 
 
 def least_of_bodies(system: System) -> ca.Function:

@@ -27,6 +27,7 @@ from derive.states.limits import (
     FAR,
     GAP,
     LEAP,
+    LEFT_OVER,
     LOCKED,
     LOOSE,
     NEAR,
@@ -326,8 +327,8 @@ def _learnt(solver: Kinematics, rng: np.random.Generator, start: np.ndarray, p: 
     )
     width = [1.0 if x.unit == "rad/s" else 2 * largest / np.pi for x in system.model.velocities]
     sizes = np.nan_to_num(solver.closing(t, around, many)[1]) * width
-    lengths = np.max(np.linalg.norm(sizes, axis=2), axis=0)
-    walk = Walk(solver, np.array(width), np.where(lengths > 0, lengths, 1.0))
+    lengths = row_lengths(sizes)
+    walk = Walk(solver, np.array(width), lengths)
     home = np.tile(start, (PROBES, 1))
     rank = max(1, int(np.max(walk.view(t, home, many).ranks)))
     for trial in range(rank, min(len(lengths), len(width)) + 1):
@@ -339,6 +340,14 @@ def _learnt(solver: Kinematics, rng: np.random.Generator, start: np.ndarray, p: 
             strength = float(np.median(seen.strength(trial)))
             return Walk(solver, walk.width, walk.lengths, trial, NEAR * strength)
     return Walk(solver, walk.width, walk.lengths, rank)
+
+
+def row_lengths(matrices: np.ndarray) -> np.ndarray:
+    """The largest length of each row over the matrices (k, rows, columns); 1 for a row of zeros, or
+    of what rounding has left of them."""
+    lengths = np.max(np.linalg.norm(matrices, axis=2), axis=0)
+    least = LEFT_OVER * float(np.max(lengths, initial=0.0))
+    return np.where(lengths > least, lengths, 1.0)
 
 
 def _with_parameters(
@@ -398,8 +407,7 @@ def _velocities(
     if not solver.system.rows or not v.size:
         return v, np.ones(len(t), dtype=bool)
     rows, sides = solver.rows(t, q, p)
-    lengths = np.max(np.linalg.norm(rows, axis=2), axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
+    lengths = row_lengths(rows)
     A, c = rows / lengths[:, None], sides / lengths
     view = View(c, np.ascontiguousarray(A))
     rank = int(np.max(view.ranks))

@@ -134,9 +134,7 @@ def structure(system: System) -> dict[tuple[int, int], np.ndarray]:
     ]
     if not pairs:
         return {}
-    brackets = [
-        ca.jtimes(N[:, j], q, N[:, i]) - ca.jtimes(N[:, i], q, N[:, j]) for i, j in pairs
-    ]
+    brackets = [ca.jtimes(N[:, j], q, N[:, i]) - ca.jtimes(N[:, i], q, N[:, j]) for i, j in pairs]
     function = ca.Function("brackets", [q], [ca.densify(N), ca.densify(ca.horzcat(*brackets))])
     values, columns = (np.asarray(x) for x in function(states(system, 1).q[0]))
     found = np.rint(np.linalg.lstsq(values, columns, rcond=None)[0])

@@ -52,7 +52,11 @@ class Gravity:
         exact = rational(x)
         times = over(exact, rational(self.value))
         rounder = len(_digits(float(times))) + ROUNDER <= len(_digits(x))
-        return times if rounder and abs(float(times * rational(self.value)) - x) <= 4e-16 * abs(x) else None
+        return (
+            times
+            if rounder and abs(float(times * rational(self.value)) - x) <= 4e-16 * abs(x)
+            else None
+        )
 
 
 def _digits(x: float) -> str:

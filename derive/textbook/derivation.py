@@ -20,9 +20,9 @@ from derive.textbook.manuscript import Manuscript
 from derive.textbook.outputs import outputs
 from derive.textbook.records import Document, Math, Text
 from derive.textbook.roads import Road
-from derive.textbook.worked import with_numbers
 from derive.textbook.routes import roads_of, write_roads
 from derive.textbook.states import first_order_states
+from derive.textbook.worked import with_numbers
 
 REFERENCES = (
     "Mirtaheri, Zohoor: Quasi-velocities definition in Lagrangian multibody dynamics. [A; B] "

@@ -13,7 +13,6 @@ from derive.textbook.motion import applied, mass
 
 def energies(doc: Manuscript) -> None:
     """T with its mass matrix, V, and the applied forces."""
-    system = doc.system
     doc.section("Energies and forces")
     if _by_links(doc):
         doc.say("The kinetic energy of all links is:")

@@ -8,7 +8,7 @@ import sympy
 from derive.model.records import Body, Joint, Parameter
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
-from derive.textbook.records import Math, Runs, Text
+from derive.textbook.records import Math, Run, Runs, Text
 from derive.textbook.sentences import closure, constraint, driven, kind, load, place, point
 
 AXIS_OF = {"xy": 2, "xz": 1, "yz": 0}  # plane → the place of its normal
@@ -28,6 +28,8 @@ def given(doc: Manuscript) -> None:
     _energies(doc)
     _tied(doc)
     _driven(doc)
+    if doc.rounded:
+        doc.say("Numbers of these tables are rounded to six digits; the formulas have them all.")
 
 
 def _scene(doc: Manuscript) -> None:
@@ -63,15 +65,15 @@ def _parameters(doc: Manuscript) -> None:
         "The parameters and their values are"
         + (" (numbers in all formulas below):" if numbers else ":")
     )
-    doc.table(("symbol", "value", "unit", "meaning"), [_parameter(x) for x in parameters])
+    doc.listing(("symbol", "value", "unit", "meaning"), parameters, lambda x: _parameter(doc, x))
     free = [x for x in parameters if x.name not in constants]
     for x, symbol in zip(free, doc.notation.p):
         doc.mean(doc.notation.latex[symbol], x.about or f"parameter {x.name}", x.unit)
 
 
-def _parameter(x: Parameter) -> tuple[Runs, ...]:
+def _parameter(doc: Manuscript, x: Parameter) -> tuple[Runs, ...]:
     return (
-        (Math(names.symbol(x.name)),),
+        (Math(doc.notation.typeset(x.name)),),
         (Text(f"{x.value:.15g}"),),
         (Text(names.unit(x.unit)),),
         (Text(x.about),),
@@ -87,35 +89,38 @@ def _bodies(doc: Manuscript) -> None:
         "The bodies are, with centres of mass in body coordinates and moments of inertia about "
         "them:"
     )
-    doc.table(
+    doc.listing(
         ("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²"),
-        [_body(doc, x) for x in model.bodies],
+        model.bodies,
+        lambda x: _body(doc, x),
     )
     doc.say("They are connected by joints, parents first:")
-    doc.table(
+    doc.listing(
         ("joint", "type", "from → to", "at, in each body / m", "coordinates"),
-        [_joint(doc, x) for x in model.joints],
+        model.joints,
+        lambda x: _joint(doc, x),
     )
 
 
 def _body(doc: Manuscript, x: Body) -> tuple[Runs, ...]:
     about = f"body {x.name}"
     mass, com = doc.formula(x.mass, about), point(doc, x.com, about)
-    return (Text(x.name),), (mass,), (com,), (_inertia(doc, x, about),)
+    return (Text(x.name),), (mass,), (com,), _inertia(doc, x, about)
 
 
-def _inertia(doc: Manuscript, x: Body, about: str) -> Math:
+def _inertia(doc: Manuscript, x: Body, about: str) -> Runs:
     """One moment in the plane; in space the three principal ones, and the products where there are
     some."""
     plane = doc.system.model.plane
     if plane in AXIS_OF:
-        return doc.formula(x.inertia[AXIS_OF[plane]], about)
-    moments: list[str] = []
+        return (doc.formula(x.inertia[AXIS_OF[plane]], about),)
+    moments: list[Run] = []
     for k, (label, moment) in enumerate(zip(MOMENTS, x.inertia)):
         latex = doc.formula(moment, about).latex
         if k < PRINCIPAL or latex != "0":
-            moments.append(f"I_{{{label}}}={latex}")
-    return Math(r",\; ".join(moments))
+            moments += [Text(", ")] if moments else []
+            moments.append(Math(f"I_{{{label}}}={latex}"))
+    return tuple(moments)
 
 
 def _joint(doc: Manuscript, x: Joint) -> tuple[Runs, ...]:

@@ -49,7 +49,8 @@ def _component(system: System, i: int, k: int, value: ca.SX) -> Component:
     """In the plane an angular velocity needs no axis."""
     link, planar = system.links[i].name, system.model.plane
     stem, axis = ("omega", AXES[k]) if k < 3 else ("v", AXES[k - 3])
-    index = names.body(link) if planar and k < 3 else f"{names.body(link)},{axis}"
+    body = dict(system.model.body_symbols).get(link) or names.body(link)
+    index = body if planar and k < 3 else f"{body},{axis}"
     name = f"{stem}[{link},{axis}]"
     letter = r"\omega" if k < 3 else "v"
     return Component(ca.SX.sym(name), sympy.Symbol(name), f"{letter}_{{{index}}}", value, i, k)
@@ -115,7 +116,8 @@ def _rates(doc: Manuscript) -> None:
         )
         return
     doc.say(
-        "The rates of the coordinates follow from the generalized velocities by $!!q=!N\\,!v$, with:"
+        "The rates of the coordinates follow from the generalized velocities by "
+        "$!!q=!N\\,!v$, with:"
     )
     doc.matrix("N", r"!N", "N", N)
     doc.mean(r"!N", "q̇ = N v")
@@ -171,7 +173,9 @@ def recursion(doc: Manuscript) -> None:
     doc.law("turning", r"!\omega_i", r"!R_i^T!\omega_p + !H^{\omega}_i!v", ca.vertcat(*angular))
     right = r"!R_i^T\left(!v_p + !\omega_p\times !a_i\right) + !H^{v}_i!v - !\omega_i\times !b_i"
     doc.law("moving", r"!v_i", right, ca.vertcat(*linear))
-    doc.mean(r"!R_{i},\; !a_{i},\; !b_{i}", "rotation of link i to its carrier, joint point in both")
+    doc.mean(
+        r"!R_{i},\; !a_{i},\; !b_{i}", "rotation of link i to its carrier, joint point in both"
+    )
     doc.mean(r"!H_{i}", "what the joint of link i adds per generalized velocity")
 
 

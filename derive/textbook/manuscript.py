@@ -7,8 +7,9 @@ why they stay short.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import casadi as ca
 import sympy
@@ -43,12 +44,17 @@ from derive.textbook.records import (
 from derive.textbook.terms import Terms
 from derive.textbook.typeset import Typesetter, digits, width
 
+Item = TypeVar("Item")
+
 BROAD = 12  # more columns than this are not shown as a matrix
 MOST_ENTRIES = 4000  # a larger matrix is not read at all
 MUCH_SHORTER = 0.6  # of the operations over the basic symbols
+FEW_DIGITS = 6  # of a number in a table
 MOST_DIGITS = 7  # a decimal of more gets a name
+MOST_READ = 400  # entries of a term that is tried to be read
+MOST_NODES = 60_000  # operations of one
 MOST_ROWS = 40  # of a table that is printed whole
-KEPT = 14  # of a longer one
+KEPT = 10  # of a longer one
 LONG = 900  # characters of a display that is folded
 MOST_LINES = 14  # so is one of more lines
 WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
@@ -90,6 +96,7 @@ class Manuscript:
         self._number = 0  # of the last display
         self._numbers: dict[str, int] = {}  # of displays, by the name of what is in them
         self.column = 0  # of the sections that follow, see Section
+        self.rounded = False  # whether a number of a table was
         self.folding = False  # of displays that follow, whatever their length
         self._pending: list[Line] = []  # of symbols that the next display has to explain
         self._constants: dict[sympy.Float, sympy.Symbol] = {}
@@ -139,11 +146,20 @@ class Manuscript:
 
     def table(self, head: Sequence[str], rows: Iterable[Sequence[Runs]]) -> None:
         """Adds a table: a head of texts, and rows whose cells are runs of text and formulas."""
-        whole = [tuple(row) for row in rows]
-        if len(whole) > MOST_ROWS:
-            left_out = tuple((Text("⋮" if k else f"⋮ {len(whole) - KEPT} more"),) for k in range(len(head)))
-            whole = [*whole[: KEPT - 2], left_out, *whole[-2:]]
-        self._blocks.append(Table(tuple(head), tuple(whole)))
+        self.listing(head, list(rows), lambda row: row)
+
+    def listing(
+        self, head: Sequence[str], items: Sequence[Item], row: Callable[[Item], Sequence[Runs]]
+    ) -> None:
+        """A table of many things: a row for each, of long lists for the first and the last."""
+        if len(items) <= MOST_ROWS:
+            rows = [tuple(row(x)) for x in items]
+        else:
+            count = len(items) - KEPT
+            gap = tuple((Text("⋮" if k else f"⋮ {count} more"),) for k in range(len(head)))
+            first, last = items[: KEPT - 2], items[-2:]
+            rows = [*(tuple(row(x)) for x in first), gap, *(tuple(row(x)) for x in last)]
+        self._blocks.append(Table(tuple(head), tuple(rows)))
 
     def items(self, items: Iterable[Runs]) -> None:
         """Adds a list without numbers."""
@@ -171,9 +187,7 @@ class Manuscript:
         folded = not boxed and (self.folding or _is_long(whole))
         self._blocks.append(Display(tuple(whole), self._number, boxed, folded))
 
-    def law(
-        self, name: str, left: str, right: str, residual: ca.SX, boxed: bool = False
-    ) -> None:
+    def law(self, name: str, left: str, right: str, residual: ca.SX, boxed: bool = False) -> None:
         """A matrix equation, checked as a whole; in the short hand of names.bold."""
         left, right = names.bold(left), names.bold(right)
         self._laws.append(Law(name, f"{left} = {right}", residual))
@@ -220,12 +234,18 @@ class Manuscript:
 
     def _with_constants(self, x: sympy.Expr) -> sympy.Expr:
         """Long decimals get names, which are explained once."""
-        long = [n for n in x.atoms(sympy.Float) if len(digits(n)) > MOST_DIGITS]
-        for n in sorted(long, key=float):
-            if n not in self._constants and -n not in self._constants:
-                self._name_constant(n)
-        names = {n: self._constants[n] if n in self._constants else -self._constants[-n] for n in long}
-        return x.xreplace(names) if names else x
+        numbers: set[sympy.Float] = x.atoms(sympy.Float)  # pyright: ignore[reportAssignmentType]
+        long = sorted((n for n in numbers if len(digits(n)) > MOST_DIGITS), key=float)
+        return x.xreplace({n: self._constant(n) for n in long}) if long else x
+
+    def _constant(self, n: sympy.Float) -> sympy.Expr:
+        """The name of a number or of its negative, a new one where it has none."""
+        opposite = sympy.Float(-float(n), 15)
+        if opposite in self._constants:
+            return -self._constants[opposite]
+        if n not in self._constants:
+            self._name_constant(n)
+        return self._constants[n]
 
     def _name_constant(self, n: sympy.Float) -> None:
         k = len(self._constants) + 1
@@ -258,15 +278,18 @@ class Manuscript:
         entries = self.reader.whole(value)
         if entries is None:
             return Math(r"\ldots")
-        latex = self.typesetter.latex(entries[0])
-        self._record(about, latex, (None,), [entries], value)
-        return Math(latex)
+        self._record(about, "", (None,), [entries], value)
+        shown = rounded(entries[0])
+        self.rounded = self.rounded or shown != entries[0]
+        return Math(self.typesetter.latex(shown))
 
     # terms
 
     def read(self, value: ca.SX, most: int = READABLE) -> list[sympy.Expr] | None:
         """Entries row by row, whole or over abbreviations, which are then printed; None where
         neither can be read."""
+        if value.numel() > MOST_READ or ca.n_nodes(ca.SX(value)) > MOST_NODES:
+            return None
         bearable = self._whole(value, max(most, BEARABLE))
         if bearable is not None and all(operations(x) <= most for x in bearable):
             return bearable
@@ -335,7 +358,7 @@ class Manuscript:
     ) -> bool:
         """Wide entries line by line, then the matrix. False where it could not be printed."""
         bold = names.bold(bold)
-        if value.numel() > MOST_ENTRIES:
+        if value.numel() > MOST_ENTRIES or ca.n_nodes(ca.SX(value)) > MOST_NODES:
             entries = None
         elif entries is None:
             entries = self.read(value)
@@ -438,6 +461,13 @@ def _is_long(lines: Sequence[Line]) -> bool:
     """Whether a display holds more than a reader takes in with the text."""
     total = sum(width("".join(line.right)) for line in lines)
     return len(lines) > MOST_LINES or total > LONG
+
+
+def rounded(x: sympy.Expr) -> sympy.Expr:
+    """A number of a table with few digits; any other formula as it is."""
+    if not isinstance(x, sympy.Float) or len(digits(x)) <= MOST_DIGITS:
+        return x
+    return sympy.Float(f"{float(x):.{FEW_DIGITS}g}")
 
 
 def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.Expr:

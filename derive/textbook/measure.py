@@ -7,13 +7,23 @@ from functools import cache
 
 _TOKEN = re.compile(r"\\begin\{bmatrix\}|\\end\{bmatrix\}|\\\\|\\[A-Za-z]+|\\.|[{}&^_]|\S")
 _SILENT = frozenset(
-    r"\left \right \Bigl \Bigr \mathrm \mathbf \boldsymbol \displaystyle \mathsf \,".split()
+    r"\left \right \Bigl \Bigr \mathrm \mathbf \boldsymbol \displaystyle \mathsf".split()  # noqa: SIM905
 )
-_ACCENTS = frozenset(r"\dot \ddot \hat \bar \tilde".split())
+_ACCENTS = frozenset([r"\dot", r"\ddot", r"\hat", r"\bar", r"\tilde"])
 _NAMES = re.compile(r"\\(a?(?:rc)?(?:sinh?|cosh?|tanh?)|ln|min|max|exp)$")
 SCRIPT = 0.7  # of the size of letters
 COLUMN = 2.0  # between the columns of a matrix
-WIDE = {"=": 2.2, "+": 2.2, "-": 2.0, r"\cdot": 1.4, r"\quad": 2.0, r"\qquad": 4.0, r"\,": 0.4}
+WIDE = {
+    "=": 2.2,
+    "+": 2.2,
+    "-": 2.0,
+    r"\cdot": 1.4,
+    r"\quad": 2.0,
+    r"\qquad": 4.0,
+    r"\,": 0.4,
+    r"\mathbf": 0.6,
+    r"\boldsymbol": 0.6,
+}
 
 
 @cache

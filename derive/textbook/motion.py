@@ -31,9 +31,7 @@ def mass(doc: Manuscript) -> None:
     """M, T = ½ vᵀ M v."""
     origin = ", of composite bodies (Walker and Orin)" if doc.system.links else ""
     where = "" if doc.system.homogeneous else " of the part of T that is quadratic in the rates"
-    doc.say(
-        f"The mass matrix{where}, $T=\\tfrac{{1}}{{2}}\\,!v^T!M\\,!v$, is symmetric{origin}:"
-    )
+    doc.say(f"The mass matrix{where}, $T=\\tfrac{{1}}{{2}}\\,!v^T!M\\,!v$, is symmetric{origin}:")
     doc.matrix("M", r"!M", "M", doc.system.M, symmetric=True)
 
 

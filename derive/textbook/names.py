@@ -124,6 +124,9 @@ def _stem(latex: str) -> tuple[str, str]:
     if latex.startswith((r"\mathrm{", r"\mathbf{")):
         end = latex.index("}") + 1 if "\\_" not in latex else latex.rindex("}") + 1
         return latex[:end], latex[end:]
+    accent = re.match(r"\\(hat|bar|tilde)\{[^{}]*\}", latex)
+    if accent:
+        return accent[0], latex[accent.end() :]
     stem = re.match(r"\\?[A-Za-z]+|.", latex)
     return (stem[0], latex[stem.end() :]) if stem else (latex, "")
 

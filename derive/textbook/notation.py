@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import casadi as ca
 import sympy
 
-from derive.textbook import names
 from derive.mechanics.records import System
+from derive.model.records import Velocity
+from derive.textbook import names
 from derive.textbook.convert import Gravity, Reader
 from derive.textbook.terms import Terms
-
 
 LEAST_DIGITS = 4  # of "9.81": a rounder magnitude could be any number
 
@@ -37,10 +37,11 @@ class Notation:
         self.latex: dict[sympy.Expr, str] = {}
         self._taken: set[str] = set()  # in LaTeX
         model = terms.system.model
+        self._given = dict(model.symbols)
         self.p = [self._declared(name) for name in self._free_parameters()]
         self.z = self.p[len(self.p) - len(model.states) :]
         self.q = [self._declared(c.name) for c in model.coordinates]
-        self.v = [self._symbol(x.name, names.velocity(x.name, x.rate_of)) for x in model.velocities]
+        self.v = [self._symbol(x.name, self._velocity(x)) for x in model.velocities]
         self.w = self._quasi_velocities()
         self.u = [self._declared(x.name) for x in model.inputs]
         self.t = self._symbol("t", "t")
@@ -78,7 +79,16 @@ class Notation:
 
     def _declared(self, name: str) -> sympy.Symbol:
         """A name of the model, set as its spelling suggests."""
-        return self._symbol(name, names.symbol(name))
+        return self._symbol(name, self.typeset(name))
+
+    def typeset(self, name: str) -> str:
+        """A name of the model as LaTeX: as the file says, else as its spelling suggests."""
+        return self._given.get(name) or names.symbol(name)
+
+    def _velocity(self, x: Velocity) -> str:
+        if x.rate_of in self._given:
+            return names.dotted(self._given[x.rate_of])
+        return names.velocity(x.name, x.rate_of)
 
     def _symbol(self, name: str, latex: str) -> sympy.Symbol:
         """A new symbol; one whose LaTeX is taken already is printed upright, as it is spelled."""

@@ -13,11 +13,11 @@ import sympy
 
 from derive.textbook.compose import operations
 from derive.textbook.elimination import Elimination
+from derive.textbook.forces import balance, column_bias, column_force
 from derive.textbook.inverse import accelerations
 from derive.textbook.layout import Rows
 from derive.textbook.manuscript import Manuscript, sum_of
 from derive.textbook.motion import bias, force_column
-from derive.textbook.forces import balance, column_bias, column_force
 
 SHORT = 40  # operations of an entry of M_w, h_w or f_w that is printed multiplied out
 LONG_SUM = 30  # operations beyond which products of matrices are printed in two steps
@@ -30,6 +30,12 @@ def final(doc: Manuscript) -> None:
     if doc.equations.generalized_velocities or not doc.w:
         return
     doc.section("Final equations")
+    if not doc.system.written:
+        doc.say(
+            "Written out, the mass matrix would have more entries than can be read: the equations "
+            "are solved joint by joint, by the recursion, and never formed."
+        )
+        return
     doc.say("Collected by the rates of the quasi-velocities, the equations of motion are:")
     doc.law("projected", FINAL, r"!f_w", balance(doc.terms, doc.terms.wdot), boxed=True)
     doc.mean(
@@ -144,7 +150,8 @@ def _solved(doc: Manuscript) -> None:
         return
     M = doc.entries["M_w"]
     f = [x - y for x, y in zip(_column(doc, "f_w"), _column(doc, "h_w"))]
-    short = doc.reader.whole(doc.terms.wdot, SHORT)
+    # where the bias took two steps, its quotient is longer still
+    short = None if "F" in doc.entries else doc.reader.whole(doc.terms.wdot, SHORT)
     if short is not None:
         _explicit(doc, "Solved for the accelerations, the explicit equations of motion are:")
         _accelerations(doc, short)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from html import escape
 from functools import partial
+from html import escape
 from itertools import groupby
 
 from markupsafe import Markup
@@ -13,12 +13,24 @@ from markupsafe import Markup
 from derive.textbook.mathml import mathml
 from derive.textbook.measure import letters, parts
 from derive.textbook.pages import rendered
-from derive.textbook.records import Display, Document, Line, Math, Pattern, Ref, Run, Runs, Section, Table, Text
+from derive.textbook.records import (
+    Display,
+    Document,
+    Line,
+    Math,
+    Pattern,
+    Ref,
+    Run,
+    Runs,
+    Section,
+    Table,
+    Text,
+)
 
 MARGIN = 3.0  # letters between left and right side
 LONG_LEFT = 12.0  # letters of a left side that does not get a column of its own
-FEW_COLUMNS = 3  # of a matrix of numbers that stands beside its formula
-NARROW = 24.0  # letters that fit beside an equation number on the narrowest screen
+FEW_COLUMNS = 1  # of a matrix of numbers that stands beside its formula
+NARROW = 18.0  # letters that fit beside an equation number on the narrowest screen
 NARROW_TABLE = 38  # letters of a row that fit on the narrowest screen
 GAP = 2  # letters between columns
 NOTHING = 1e-13  # a value below this is shown as zero
@@ -42,7 +54,7 @@ def page(document: Document, figure: str = "") -> str:
         head=_head,
         stacked=_stacked,
         cells=_cells,
-        inline=lambda latex: Markup(mathml(latex)),
+        inline=_inline,
     )
 
 
@@ -67,6 +79,10 @@ def _groups(document: Document) -> list[_Group]:
         parts = [tuple(pair for pair in sections if pair[1].column == k) for k in columns]
         groups.append(_Group(tuple(parts)))
     return groups
+
+
+def _inline(latex: str) -> Markup:
+    return Markup(mathml(latex))
 
 
 def _kind(block: object) -> str:

@@ -206,8 +206,10 @@ def _folded(display: Display) -> str:
     """What is not in the article: it is in the page, to be unfolded."""
     lefts = [line.left for line in display.lines if not line.where] or [display.lines[0].left]
     shown = lefts[0] if len(lefts) == 1 else rf"{lefts[0]},\ldots,{lefts[-1]}"
-    return rf"\refstepcounter{{equation}}\label{{equation-{display.number}}}({display.number}) " \
+    return (
+        rf"\refstepcounter{{equation}}\label{{equation-{display.number}}}({display.number}) "
         rf"${shown}$: written out in the web page."
+    )
 
 
 def _pieces(line: Line) -> Iterable[str]:

@@ -205,7 +205,10 @@ def packed(folder: pathlib.Path) -> list[str]:
     scripts = [file for file in listed if file.startswith("build_") and file.endswith(".py")]
     made: list[str] = []
     for script in scripts:
-        made += runpy.run_path(str(folder / script))["main"](folder)
+        try:
+            made += runpy.run_path(str(folder / script))["main"](folder)
+        except RuntimeError as error:
+            raise CompileError(f"{script}: {first_error(str(error))}", said=str(error)) from error
     return made
 
 
@@ -228,7 +231,7 @@ def record(folder: pathlib.Path, made: Sequence[str]) -> None:
 def flags_of(command: Sequence[str], name: str, stem: str) -> Sequence[str]:
     """What one file needs besides FLAGS. The one that looks whether the processor fits must run on
     any, and so must one that asks it."""
-    if stem in (f"{name}_cpu", f"{name}_fmi"):
+    if stem in (f"{name}_cpu", f"{name}_fmi", f"{name}_fmi2"):
         return []
     flags, macros = probe(tuple(command))
     if stem == f"{name}_batch":
@@ -256,11 +259,11 @@ def manifest(folder: pathlib.Path) -> dict[str, Any]:
 
 
 def sources(folder: pathlib.Path, name: str) -> list[str]:
-    """The C files that make up the library, the longest to compile first."""
+    """The C files that make up the library, the longest to compile first; what is in a folder
+    below belongs to another compiler."""
     others = {example(name), f"{name}_module.c"}
-    found = [
-        file for file in manifest(folder)["files"] if file.endswith(".c") and file not in others
-    ]
+    listed = [file for file in manifest(folder)["files"] if file.endswith(".c")]
+    found = [file for file in listed if "/" not in file and file not in others]
     sizes = {file: (folder / file).stat().st_size for file in found}
     if f"{name}_simulate.c" in sizes:
         sizes[f"{name}_simulate.c"] += RUNTIME

@@ -42,6 +42,7 @@ from hamel.build.reuse import remember
 from hamel.build.stages import equations_of, program_for, with_emitted
 from hamel.build.targets import UNCHECKED, checked_targets, subject_of
 from hamel.build.tune import fastest, with_fastest_flags
+from hamel.draw.mechanism import picture, svg
 from hamel.records import Built
 from hamel.verify import Verification, quick_verification
 from hamel.verify.shipped import shipped
@@ -72,7 +73,7 @@ def build(
             raise _without_compiler(finished())
         # the compiler works meanwhile, so that page and reference take hardly any time of their own
         with clock("textbook", "Equations → derivation"):
-            derivation = html(equations)
+            derivation = _page(equations)
         with clock("verify", "binaries → verified, at random states"):
             checked = with_emitted(equations, program)
             found = _verification(checked, _waiting(finished, clock), options.states)
@@ -114,6 +115,12 @@ def _program(
         with clock("tune", "Program → Program with the fastest flags"):
             program = with_fastest_flags(program, times)
     return equations, program
+
+
+def _page(equations: Equations) -> str:
+    """The derivation, opened by a figure of the mechanism where there is one."""
+    drawing = picture(equations.system)
+    return html(equations, svg(drawing) if drawing else "")
 
 
 def _targets(

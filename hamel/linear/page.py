@@ -14,7 +14,9 @@ from derive.diagnostics import AssumptionError
 from derive.linearize.sensitivity import Mode, modes
 from derive.linearize.study import Study
 from derive.linearize.unreduced import constraint_counts, unreduced
+from derive.textbook import names as names_of
 from derive.textbook.mathml import mathml
+from derive.textbook.measure import letters
 from derive.textbook.pages import rendered
 from hamel.draw.mechanism import picture, svg
 from hamel.linear import plots
@@ -26,6 +28,7 @@ from hamel.records import Linearized
 
 MAP = 25  # values of each name in a map that is made for the page
 STRONGEST = 8  # parameters named for each mode
+GROWING = 1e-9  # a real part (1/s) above this grows
 NOTHING = 1e-12  # a constant of the motion below this is zero
 ROUNDOFF = 1e-13  # of the largest entry: an entry below this is zero
 REAL = 1e-9  # of its size: a slope with less of an imaginary part is real
@@ -42,7 +45,8 @@ def page(study: Study, sweep: Sweep, ranges: Sequence[Range], record: Linearized
     modes and sensitivities."""
     shapes, drawing = modes(study), picture(study.equations.system)
     parts = [
-        ("The steady motion", _motion(record)),
+        ("In one line", f"<p>{_verdict(record, shapes)}</p>"),
+        ("The steady motion", _motion(study, record)),
         ("The linear equations", _equations(study, record)),
         ("Zeros that are taken out", _zeros(study, record)),
         *_along(sweep, record),
@@ -72,17 +76,41 @@ def _row(tag: str, cells: Sequence[str]) -> str:
     return "<tr>" + "".join(f"<{tag}>{cell}</{tag}>" for cell in cells) + "</tr>"
 
 
-def _motion(record: Linearized) -> str:
-    """What is constant along it."""
+def _verdict(record: Linearized, shapes: Sequence[Mode]) -> str:
+    """Whether anything grows, and where that changes."""
+    growing = [mode.eigenvalue for mode in shapes if mode.eigenvalue.real > GROWING]
+    here = ", ".join(f"{escape(name)} = {value:.4g}" for name, value in record.values.items())
+    place = f" at {here}" if here else ""
+    if growing:
+        fastest = max(growing, key=lambda x: x.real)
+        text = f"Unstable{place}: a mode grows by e every {1 / fastest.real:.3g} s."
+    else:
+        text = f"No mode grows{place}."
+    ranges = "; ".join(f"{a:.4g} to {b:.4g}" for a, b in record.stable)
+    return f"{text} In the range looked at no mode grows from {ranges}." if ranges else text
+
+
+def _motion(study: Study, record: Linearized) -> str:
+    """What is constant along it, with units."""
+    units = _units(study)
     rows = [
-        (escape(name), f"{value:.10g}")
+        (escape(name), f"{value:.10g} {units.get(name, '')}".strip())
         for name, value in record.steady.items()
         if abs(value) > NOTHING
     ]
     free = ", ".join(f"{escape(name)} = {value:.6g}" for name, value in record.values.items())
-    table = _table(("constant", "value in SI units"), rows) if rows else ""
+    table = _table(("constant", "value"), rows) if rows else ""
     rest = "<p>All other coordinates, quasi-velocities and inputs are zero.</p>"
     return f'{table}{rest}<p class="soft">{free}</p>'
+
+
+def _units(study: Study) -> dict[str, str]:
+    """Of coordinates, velocities and quasi-velocities, by name."""
+    model, state = study.equations.system.model, study.equations.argument("x")
+    units = dict(zip(state.labels, state.units))
+    units |= {x.name: x.unit for x in (*model.coordinates, *model.velocities, *model.inputs)}
+    units |= {f"der({x.name})": f"{x.unit}/s" for x in model.coordinates}
+    return {name: "" if unit in ("", "1") else names_of.unit(unit) for name, unit in units.items()}
 
 
 def _number(x: float) -> str:
@@ -99,8 +127,14 @@ def _matrix(entries: np.ndarray) -> str:
 
 
 def _column(names: Sequence[str]) -> str:
-    rows = r" \\ ".join(rf"\delta \mathrm{{{name.replace('_', ' ')}}}" for name in names)
+    rows = r" \\ ".join(rf"\delta {_symbol(name)}" for name in names)
     return rf"\begin{{bmatrix}} {rows} \end{{bmatrix}}"
+
+
+def _symbol(name: str) -> str:
+    """A state or input as the derivation calls it."""
+    owner, _, slot = name.rpartition(".")
+    return names_of.velocity(name, "") if owner and slot else names_of.symbol(name)
 
 
 def _equations(study: Study, record: Linearized) -> str:
@@ -113,8 +147,9 @@ def _equations(study: Study, record: Linearized) -> str:
     right = f"{_matrix(_without_roundoff(A))} {states}"
     if record.inputs:
         right += f" + {_matrix(_without_roundoff(B))} {_column(record.inputs)}"
-    text = rf"\frac{{d}}{{dt}} {states} = {right}"
-    return f'<div class="equation">{mathml(text, True)}</div>'
+    text = rf"\frac{{\mathrm{{d}}}}{{\mathrm{{d}}t}} {states} = {right}"
+    formula = mathml(text, True).replace("<math", f'<math style="--w:{letters(text):.0f}"', 1)
+    return f'<div class="equation">{formula}</div>'
 
 
 def _without_roundoff(matrix: np.ndarray) -> np.ndarray:
@@ -215,6 +250,8 @@ def _coarse(r: Range) -> Range:
 
 
 def _complex(x: complex) -> str:
+    if abs(x) < NOTHING:
+        return "0"
     return f"{x.real:.6g}" if x.imag == 0 else f"{x.real:.6g} ± {abs(x.imag):.6g} i"
 
 

@@ -119,7 +119,7 @@ def _drawing(frame: Frame, title: str, names: tuple[str, str], inside: Sequence[
     side = text(0, 0, beside, anchor="middle")
     parts = [
         text(LEFT, 18, title, "title"),
-        *frame.columns(16, grid=False),
+        *frame.columns(19, grid=False),
         *frame.rows(grid=False),
         *inside,
         frame.border(),

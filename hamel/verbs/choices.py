@@ -118,8 +118,27 @@ def _draw(
     )
 
 
+def recommendation(record: Choices) -> str:
+    """Which choice to take, and why, in a sentence or two."""
+    best = record.choices[0]
+    text = (
+        f"Take '{best.name}': the condition number of [A; B] is {best.condition:.3g} at the start "
+        f"and at most {best.worst:.3g} at the states looked at, for {best.operations} operations."
+    )
+    if best.name == record.default:
+        return f"{text} It is what is built when no choice is given."
+    own = next((x for x in record.choices if x.name == record.default), None)
+    if own is None:
+        return f"{text} The default, '{record.default}', cannot be used here."
+    cost = f"condition {own.condition:.3g}, at most {own.worst:.3g}, {own.operations} operations"
+    return f"{text} The default, '{record.default}', has {cost}."
+
+
 def show(record: Choices, console: Console) -> None:
-    """A row per candidate, best first, the pivots of the first, then what was refused and why."""
+    """The recommendation, a row per candidate, best first, the pivots of the first, then what was
+    refused and why."""
+    if record.choices:
+        console.print(recommendation(record))
     timed = any(r.ns is not None for r in record.choices)
     rows = [
         (

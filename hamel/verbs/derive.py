@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from derive.textbook import html, latex
 from hamel.build.files import write_text
 from hamel.build.stages import equations_of
+from hamel.build.typeset import typeset
 from hamel.draw.mechanism import picture, svg, tikz
 from hamel.records import Derived
 
@@ -23,6 +24,7 @@ def run(
     folder: Path,
     formulation: str,
     roads: Sequence[str],
+    pdf: bool = False,
 ) -> Derived:
     """The derivation of one choice (the file's first when None) by one road or two, written as
     derivation.html and derivation.tex into the folder. Both are made from the same Equations."""
@@ -30,7 +32,11 @@ def run(
     drawing = picture(equations.system)
     pages = {"html": folder / "derivation.html", "tex": folder / "derivation.tex"}
     write_text(pages["html"], html(equations, svg(drawing) if drawing else "", roads))
-    write_text(pages["tex"], latex(equations, tikz(drawing) if drawing else "", roads))
+    text = latex(equations, tikz(drawing) if drawing else "", roads)
+    write_text(pages["tex"], text)
+    if pdf:
+        pages["pdf"] = folder / "derivation.pdf"
+        typeset(text, pages["pdf"])
     return Derived(equations.system.model.name, equations.choice, equations.reason, **pages)
 
 
@@ -39,3 +45,5 @@ def show(record: Derived, console: Console) -> None:
     console.print(f"{record.model}, choice {record.choice}: {record.reason}")
     console.print(f"  read    {record.html}")
     console.print(f"  typeset {record.tex}")
+    if record.pdf:
+        console.print(f"  printed {record.pdf}")

@@ -34,13 +34,27 @@ def run(path: str | PathLike[str], choice: str | None, constants: Constants) -> 
     )
 
 
+def advice(record: Explained) -> str:
+    """Whether this choice can be used everywhere, and what to do where it cannot."""
+    varying = [pivot for pivot in record.pivots if "varies" in pivot]
+    if not record.pivots:
+        return "Nothing has to be eliminated: it can be used everywhere."
+    if not varying:
+        return "No pivot can vanish: it can be used everywhere."
+    return (
+        f"{len(varying)} of {len(record.pivots)} pivots can vanish, and the module reports where "
+        "one does; 'hamel choices' compares others, and a+b takes two of them as charts."
+    )
+
+
 def show(record: Explained, console: Console) -> None:
     """What was chosen, what has to stay away from zero, operations, and the ledger of the
     passes."""
     console.print(
-        f"{record.model}, choice {record.choice} ({listed(record.quasi_velocities)}): "
-        f"{record.reason}"
+        f"{record.model} moves with the quasi-velocities {listed(record.quasi_velocities)}, choice "
+        f"'{record.choice}': {record.reason}"
     )
+    console.print(advice(record))
     for pivot in record.pivots:
         console.print(f"pivot: {pivot}")
     for assumption in record.assumptions:

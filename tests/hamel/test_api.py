@@ -35,6 +35,7 @@ def test_build_and_load(tmp_path):
     assert (built.choice, built.model) == ("crank", "four_bar")
     assert module.nx == 4 and module.np_ == 0
     assert module.dynamics(0.0, np.zeros(module.nx) + 0.5, [0.0]).shape == (4,)
+    assert "<svg" in (built.folder / "derivation.html").read_text()  # it opens with a figure
 
 
 @pytest.mark.parametrize(

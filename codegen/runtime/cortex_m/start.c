@@ -11,6 +11,7 @@ extern uint32_t data_start[], data_end[], data_load[], bss_start[], bss_end[], s
 int main(void);
 void start(void);
 static void fault(void);
+static void failed(void);
 
 __attribute__((section(".vectors"), used)) static const uintptr_t vectors[16] = {
     (uintptr_t)stack_top, (uintptr_t)start, (uintptr_t)fault, (uintptr_t)fault, (uintptr_t)fault, (uintptr_t)fault, (uintptr_t)fault};
@@ -37,7 +38,13 @@ void leave(int code)
         ;
 }
 
-static void fault(void)
+/* The stack may be what is at fault: begin it again. */
+__attribute__((naked)) static void fault(void)
+{
+    __asm__ volatile("ldr r0, =stack_top\n mov sp, r0\n b failed");
+}
+
+__attribute__((used)) static void failed(void)
 {
     print("fault: the stack, or the memory, is too small\n");
     leave(1);

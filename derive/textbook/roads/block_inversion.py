@@ -36,7 +36,7 @@ def _write(doc: Manuscript) -> None:
 
 def _projection(doc: Manuscript) -> None:
     """Sᵀ from the left."""
-    if doc.equations.generalized_velocities or not doc.w:
+    if doc.equations.generalized_velocities or not doc.w or not doc.system.written:
         return
     doc.section("Projection")
     if doc.terms.has("Y"):
@@ -89,8 +89,12 @@ def _maggi(doc: Manuscript) -> None:
         "along the motion is:"
     )
     rate = along(doc.terms, doc.terms.named("v"), doc.terms.wdot)
-    doc.law("rate of v", r"!!v", r"\frac{\mathrm{d}}{\mathrm{d}t}\left(!S\,!w + !R\,!c\right)",
-            doc.terms.vdot - rate)
+    doc.law(
+        "rate of v",
+        r"!!v",
+        r"\frac{\mathrm{d}}{\mathrm{d}t}\left(!S\,!w + !R\,!c\right)",
+        doc.terms.vdot - rate,
+    )
     accelerations(doc)
     final(doc)
     multipliers(doc)

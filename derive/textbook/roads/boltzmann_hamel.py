@@ -5,7 +5,6 @@ Source: Boltzmann 1902; Hamel, Die Lagrange-Eulerschen Gleichungen der Mechanik,
 
 from __future__ import annotations
 
-
 import casadi as ca
 
 from derive.textbook.coefficients import Coefficients
@@ -193,7 +192,9 @@ def _momenta(doc: Manuscript, found: Coefficients) -> None:
     s = doc.system
     at_motion = ca.substitute(ca.gradient(s.T, s.v), s.v, doc.terms.named("v"))
     doc.law(
-        "momenta", r"!p", r"!U^T\frac{\partial T}{\partial !v}",
+        "momenta",
+        r"!p",
+        r"!U^T\frac{\partial T}{\partial !v}",
         value - ca.mtimes(found.directions.T, at_motion),
     )
     doc.vector("momentum", "p", value)

@@ -9,6 +9,7 @@ import casadi as ca
 
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import cross, sum_of
+from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Inertia, Link
 from derive.mechanics.tree import inertia_force, twists
 from derive.textbook.forces import active, along, at_quasi_velocities, balance, column_bias, solved
@@ -21,7 +22,7 @@ from derive.textbook.roads.records import Road
 from derive.textbook.terms import Terms
 
 AXES = "xyz"
-STILL = [0.0, 0.0, 0.0]
+STILL: list[Scalar] = [0.0, 0.0, 0.0]
 SHORT = 40  # operations of an entry that is printed whole
 MOST_LINKS = 8  # links whose partial velocities are printed
 
@@ -36,10 +37,13 @@ def _twist(terms: Terms) -> list[ca.SX]:
 def _wrench(link: Link, twist: ca.SX, rate: ca.SX) -> ca.SX:
     """Newton and Euler's moment and force of inertia at the link's origin, 6 × 1, without
     gravity."""
-    numbers = ([twist[k] for k in range(3)], [twist[k] for k in range(3, 6)])
-    rates = ([rate[k] for k in range(3)], [rate[k] for k in range(3, 6)])
-    moment, force = inertia_force(link.inertia, numbers, rates, list(STILL))
+    moment, force = inertia_force(link.inertia, _halves(twist), _halves(rate), list(STILL))
     return ca.vertcat(*(ca.SX(x) for x in (*moment, *force)))
+
+
+def _halves(column: ca.SX) -> Numbers:
+    """(ω, v) of a column."""
+    return [column[k] for k in range(3)], [column[k] for k in range(3, 6)]
 
 
 def _rest(terms: Terms, wdot: ca.SX) -> ca.SX:
@@ -73,9 +77,7 @@ def _inertia(terms: Terms, wdot: ca.SX) -> ca.SX:
 
 def _force(terms: Terms) -> ca.SX:
     """F: generalised active forces, Sᵀ (Q − V)."""
-    return at_quasi_velocities(
-        terms, ca.mtimes(terms.named("S").T, active(terms.system))
-    )
+    return at_quasi_velocities(terms, ca.mtimes(terms.named("S").T, active(terms.system)))
 
 
 def _left(terms: Terms, wdot: ca.SX) -> ca.SX:
@@ -102,10 +104,16 @@ def _write(doc: Manuscript) -> None:
         balance(doc.terms, wdot) - _left(doc.terms, wdot),
     )
     doc.mean(r"!n_{i},\; !f_{i}", "moment and force of inertia of body i at its origin", "N m, N")
-    doc.state(r"!f_i", r"m_i\,!a_i + \dot{!\omega}_i\times m_i!c_i "
-              r"+ !\omega_i\times\left(!\omega_i\times m_i!c_i\right)")
-    doc.state(r"!n_i", r"!I_i\,\dot{!\omega}_i + !\omega_i\times !I_i\,!\omega_i "
-              r"+ m_i!c_i\times !a_i")
+    doc.state(
+        r"!f_i",
+        r"m_i\,!a_i + \dot{!\omega}_i\times m_i!c_i "
+        r"+ !\omega_i\times\left(!\omega_i\times m_i!c_i\right)",
+    )
+    doc.state(
+        r"!n_i",
+        r"!I_i\,\dot{!\omega}_i + !\omega_i\times !I_i\,!\omega_i "
+        r"+ m_i!c_i\times !a_i",
+    )
     doc.say("The generalised active forces are those of gravity, springs, dampers and inputs:")
     force = _force(doc.terms)
     doc.state(r"!F", r"!S^T\left(!Q - !V\right)")
@@ -173,8 +181,7 @@ def _acceleration_energy(terms: Terms, wdot: ca.SX) -> ca.SX:
 
 def _of_body(body: Inertia, twist: ca.SX, rate: ca.SX) -> ca.SX:
     """½ m a·a + mc·(a × α) + a·(ω × (ω × mc)) + ½ α·I α + α·(ω × I ω), a = v̇ + ω × v."""
-    omega, speed = [twist[k] for k in range(3)], [twist[k] for k in range(3, 6)]
-    alpha, apparent = [rate[k] for k in range(3)], [rate[k] for k in range(3, 6)]
+    (omega, speed), (alpha, apparent) = _halves(twist), _halves(rate)
     a = _sx(sum_of(apparent, cross(omega, speed)))
     mc, angular = _sx(body.moment), _sx(alpha)
     tensor = ca.vertcat(*(ca.horzcat(*(ca.SX(x) for x in row)) for row in body.tensor))

@@ -229,7 +229,9 @@ def _curvature(e: Evidence, k: int) -> float:
     d = rng.normal(size=len(units)) * units
     slots = [argument.symbols for argument in e.graph.equations.arguments]
     rates = e.graph.equations.function("dynamics").result.value
-    along = ca.dot(ca.jtimes(rates, ca.vertcat(slots[1], slots[2]), ca.DM(d)), ca.DM(y))
+    along = ca.dot(
+        ca.jtimes(rates, ca.vertcat(slots[1], slots[2]), ca.SX(ca.DM(d))), ca.SX(ca.DM(y))
+    )
     directions = np.zeros((len(units), 1 + len(units) + len(s.p)))
     directions[:, 1 : 1 + len(units)] = np.diag(units)
     wanted = tangents(slots, along, (np.array([s.t]), x, s.u, s.p), directions)[0]

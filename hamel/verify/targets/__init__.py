@@ -13,6 +13,17 @@ from hamel.verify.targets.numba import NUMBA
 from hamel.verify.targets.records import Subject, TargetCheck
 from hamel.verify.targets.wasm import WASM
 
-TARGET_CHECKS: tuple[TargetCheck, ...] = (CASADI, ACADOS, CORTEX_M, CPP, FMU, FMU2, NUMBA, JAX, MATLAB, WASM)
+TARGET_CHECKS: tuple[TargetCheck, ...] = (
+    CASADI,
+    ACADOS,
+    CORTEX_M,
+    CPP,
+    FMU,
+    FMU2,
+    NUMBA,
+    JAX,
+    MATLAB,
+    WASM,
+)
 
 __all__ = ["TARGET_CHECKS", "Subject", "TargetCheck"]

@@ -25,9 +25,7 @@ def check(subject: Subject) -> tuple[CheckResult, ...]:
     library = subject.folder / shared_library(subject.name)
     functions = {"symbols": {name: symbols.function(name) for name in symbols.functions}}
     if library.is_file():
-        functions["external"] = {
-            name: symbols.external(name, library) for name in symbols.compiled
-        }
+        functions["external"] = {name: symbols.external(name, library) for name in symbols.compiled}
     outcomes = [x for kind, found in functions.items() for x in _outcomes(subject, kind, found)]
     steps = {kind: found["step"] for kind, found in functions.items() if "step" in found}
     return (*outcomes, *(_step(subject, kind, step) for kind, step in steps.items()))

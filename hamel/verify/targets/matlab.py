@@ -23,12 +23,17 @@ CALL = """
 data = read('{function}.in', {width});
 one = []; many = [];
 for k = 1:columns(data)
-    value = {name}.{function}(data(1, k), data(2:{x}, k), data({x} + 1:{u}, k), data({u} + 1:end, k));
+    u = data({x} + 1:{u}, k);
+    value = {name}.{function}(data(1, k), data(2:{x}, k), u, data({u} + 1:end, k));
     one(:, k) = value.'(:);
 end
-value = {name}.{function}(data(1, :), data(2:{x}, :), data({x} + 1:{u}, :), data({u} + 1:end, :));
+x = data(2:{x}, :); u = data({x} + 1:{u}, :); p = data({u} + 1:end, :);
+value = {name}.{function}(data(1, :), x, u, p);
 for k = 1:columns(data)
-    page = value(:, k); if ndims(value) == 3 || rows(value) != numel(page) || columns(value) != columns(data), page = value(:, :, k).'(:); end
+    page = value(:, k);
+    if ndims(value) == 3 || columns(value) != columns(data)
+        page = value(:, :, k).'(:);
+    end
     many(:, k) = page(:);
 end
 write('{function}.out', [one(:); many(:)]);

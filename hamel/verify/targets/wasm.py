@@ -173,14 +173,10 @@ class _Talk:
 class _Handler(http.server.SimpleHTTPRequestHandler):
     """Files of a folder, the questions, and where the answers go."""
 
-    extensions_map = {
-        **http.server.SimpleHTTPRequestHandler.extensions_map,
-        ".mjs": "text/javascript",
-        ".wasm": "application/wasm",
-    }
-
     def __init__(self, *given: Any, talk: _Talk, **named: Any) -> None:
         self.talk = talk
+        known = {".mjs": "text/javascript", ".wasm": "application/wasm"}
+        self.extensions_map = {**type(self).extensions_map, **known}
         super().__init__(*given, **named)
 
     def do_GET(self) -> None:

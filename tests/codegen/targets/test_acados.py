@@ -24,7 +24,7 @@ from tests.subjects import subject
 from tests.toy import toy
 
 FIELDS = """name x xdot u z p f_impl_expr f_expl_expr disc_dyn_expr dyn_ext_fun_type
-dyn_generic_source dyn_disc_fun dyn_disc_fun_jac dyn_disc_fun_jac_hess""".split()
+dyn_generic_source dyn_disc_fun dyn_disc_fun_jac dyn_disc_fun_jac_hess"""
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 
 
@@ -74,7 +74,7 @@ def test_a_model_of_acados_is_filled(cart_pole, tmp_path, monkeypatch):
     """Into an object with the fields of an AcadosModel, which is not here; nothing else is set."""
 
     class AcadosModel:
-        __slots__ = tuple(FIELDS)
+        __slots__ = tuple(FIELDS.split())
 
     stand_in = types.ModuleType("acados_template")
     stand_in.AcadosModel = AcadosModel

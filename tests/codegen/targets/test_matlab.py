@@ -87,7 +87,7 @@ def test_calls_that_do_not_fit_say_so(cart_pole, tmp_path):
 
 @pytest.mark.parametrize("name", ["end", "classdef", "zeros", "_toy", "a" * 60])
 def test_names_that_matlab_does_not_take_are_refused(name):
-    made = replace(program(toy(name)), targets=("matlab",))
+    made = replace(program(toy("toy")), name=name, targets=("matlab",))
     with pytest.raises(AssumptionError, match=f"'{name}'"):
         emit(made)
     assert emit(replace(made, targets=()))

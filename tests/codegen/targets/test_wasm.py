@@ -55,7 +55,8 @@ def cart_pole(tmp_path_factory):
 @pytest.mark.parametrize(
     ("before", "after", "seen"),
     [
-        ("this._put(au, u ?? ", "this._put(au, ", set()),
+        ("this._put(au, u ?? ", "this._put(au, ", {"values", "values with SIMD"}),
+        ("u ?? new", "u  ??  new", set()),
         ("this.raw[name](t, ax, au", "this.raw[name](t, ax, ap", {"values", "values with SIMD"}),
         ("this._put(au + k", "this._put(ap + k", {"simulate"}),
         ("stepSize, rtol", "1, rtol", {"simulate"}),
@@ -101,7 +102,9 @@ def test_without_a_compiler_nothing_is_built(monkeypatch, tmp_path):
     made = replace(program(toy(), ("dynamics",)), targets=("wasm",))
     texts = emit(made)
     texts["build_wasm.py"] = texts["build_wasm.py"].replace('shutil.which("clang")', "None")
-    texts["build_wasm.py"] = texts["build_wasm.py"].replace('find_spec("ziglang")', 'find_spec("no")')
+    texts["build_wasm.py"] = texts["build_wasm.py"].replace(
+        'find_spec("ziglang")', 'find_spec("no")'
+    )
     with pytest.raises(ToolchainError, match="pip install ziglang"), compiled("toy", texts):
         pass
 

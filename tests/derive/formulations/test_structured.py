@@ -31,12 +31,19 @@ from derive.mechanics.system import inertial_forces
 from derive.model import load
 from derive.robots.reading import imported
 from derive.states import sampling, system
-from hamel.build import pipeline
 from tests.scenes import MODELS
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 BESIDE = 0.01  # how far off the constraints
-QUICK = ("four_bar", "stanford_arm", "snake3", "rolling_disk", "free_body", "screw_press", "pendulum")
+QUICK = (
+    "four_bar",
+    "stanford_arm",
+    "snake3",
+    "rolling_disk",
+    "free_body",
+    "screw_press",
+    "pendulum",
+)
 REST = (
     "andrews",
     "ball_on_beam",
@@ -86,7 +93,7 @@ def states_of(found: Equations, count: int) -> Iterator[tuple]:
     state = found.function("state")
     at = ca.Function("state", slots_of(found, state), [ca.densify(state.result.value)])
     rng = np.random.default_rng(0)
-    for t, q, v, u, p in zip(s.t, s.q, s.v, s.u, s.p):
+    for t, q, v, u in zip(s.t, s.q, s.v, s.u):
         x = np.array(at(t, np.r_[q, v], u, found.parameters)).ravel()
         yield t, x, u, found.parameters
         yield t, x + BESIDE * rng.normal(size=len(x)), u, found.parameters
@@ -157,13 +164,17 @@ def test_slopes_of_a_tree_are_those_of_newton_euler() -> None:
     known = [
         (_matrix(M), ca.jacobian(forces, vdot)),
         (_matrix(H), 0.5 * ca.jacobian(forces, v)),
-        (_matrix(D), ca.jacobian(forces, mechanics.q) @ mechanics.N),
+        (_matrix(D), ca.mtimes(ca.jacobian(forces, mechanics.q), mechanics.N)),
         (ca.vertcat(*tree.weights()), still),
-        (_matrix(H) @ v + still, ca.substitute(forces, vdot, ca.SX.zeros(n))),
+        (ca.mtimes(_matrix(H), v) + still, ca.substitute(forces, vdot, ca.SX.zeros(n))),
     ]
-    at = ca.Function("known", [mechanics.q, v, vdot], [ca.densify(x) for pair in known for x in pair])
+    at = ca.Function(
+        "known", [mechanics.q, v, vdot], [ca.densify(x) for pair in known for x in pair]
+    )
     rng = np.random.default_rng(2)
-    found = [np.array(x) for x in at(rng.normal(size=mechanics.q.numel()), *rng.normal(size=(2, n)))]
+    found = [
+        np.array(x) for x in at(rng.normal(size=mechanics.q.numel()), *rng.normal(size=(2, n)))
+    ]
     for ours, wanted in zip(found[::2], found[1::2]):
         np.testing.assert_allclose(ours, wanted, atol=1e-11 * max(1.0, np.abs(wanted).max()))
 
@@ -204,16 +215,15 @@ def test_contractions_are_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -
     found, motion = derived(mechanics_of(name), monkeypatch)
     slots = [argument.symbols for argument in found.arguments]
     z, rates = ca.vertcat(slots[1], slots[2]), found.function("dynamics").result.value
-    y, d, e = (ca.DM(np.random.default_rng(k).normal(size=z.numel())) for k in range(3))
+    y, d, e = (ca.SX(ca.DM(np.random.default_rng(k).normal(size=z.numel()))) for k in range(3))
     y = y[: rates.numel()]
     seeds = ca.SX.sym("y", rates.numel()), ca.SX.sym("d", z.numel())
     ways = [
         ca.substitute(x, ca.vertcat(*seeds), ca.vertcat(y, d))
         for x in contractions(found.system, motion, z, *seeds)
     ]
-    other = ca.substitute(ways[0], d, d)
     plain = ca.jtimes(ca.gradient(ca.dot(y, rates), z), z, d)
-    agree(found, [plain, *ways, other], 1e-8)
+    agree(found, [plain, *ways], 1e-8)
     along = ca.jtimes(ca.gradient(ca.dot(y, rates), z), z, e)
     agree(found, [1e3 + ca.dot(e, ways[0]), 1e3 + ca.dot(d, along)], 1e-8)
 
@@ -255,4 +265,4 @@ def test_a_wrong_loop_is_not_published(looped: Path, monkeypatch: pytest.MonkeyP
             out=looped / "pendulum",
             functions=("default", "derivatives"),
         )
-    assert pipeline and not (looped / "pendulum").exists()
+    assert not (looped / "pendulum").exists()

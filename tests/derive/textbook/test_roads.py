@@ -1,6 +1,7 @@
 """Every road leads to the same equations, and what it prints is what is compiled.
 
 Of derive.textbook: coefficients, forces, measure, routes, worked.
+Of derive.model: letters.
 Of derive.textbook.roads: block_inversion, boltzmann_hamel, kane, multipliers, records.
 """
 
@@ -113,7 +114,9 @@ def test_every_road_prints_what_is_compiled_and_comes_to_the_same_equations(mode
     try:
         document = derivation(found, [road])
     except AssumptionError as error:
-        assert "singular" in str(error) or "not written out" in str(error) or "freedom" in str(error)
+        assert (
+            "singular" in str(error) or "not written out" in str(error) or "freedom" in str(error)
+        )
         return
     state = State(found)
     errors = printed_errors(document, state) | law_errors(document, state)
@@ -231,7 +234,9 @@ def test_coefficients_of_the_rolling_disk_are_the_textbooks():
     fields = [
         Matrix([0, 1, 0, 0, 0]),
         Matrix([0, 0, 1, r * track[0], r * track[1]]),
-        Matrix([1 / cos(lean), 0, -tan(lean), -r * tan(lean) * track[0], -r * tan(lean) * track[1]]),
+        Matrix(
+            [1 / cos(lean), 0, -tan(lean), -r * tan(lean) * track[0], -r * tan(lean) * track[1]]
+        ),
     ]
     rows = Matrix(
         [
@@ -314,3 +319,26 @@ def test_numbers_stand_beside_the_formulas():
     numbers = dict(zip((x.name for x in document.printed), document.numbers))
     assert numbers["M_w"] == pytest.approx((1.0, 0.0, 0.0, 0.45))  # m, and J + m a²
     assert "Numbers beside the formulas" in html(found)
+
+
+SYMBOLS = r"""
+model: m
+plane: xy
+parameters: {stiff: {value: 3 N/m, symbol: '\kappa_{0}'}, mass: {value: 1 kg, symbol: "m'"}}
+bodies: {block: {mass: mass, inertia: 0.1, symbol: B}}
+joints: {J: {type: prismatic, parent: ground, child: block, axis: x, coordinate: s, spring: {stiffness: stiff}, symbol: '\hat{x}'}}
+"""
+
+
+def test_a_file_says_how_its_names_are_typeset():
+    found = equations(system(load_text(SYMBOLS)))
+    text = latex(found)
+    assert r"\kappa_{0}" in text and "m'" in text
+    assert r"\hat{x}" in text and r"\dot{\hat{x}}" in text and "v_{B,x}" in text
+
+
+@pytest.mark.parametrize("symbol", [r"\input{x}", r"x}", r"x_a_b", r"\hatx", "<b>", "", "a" * 80])
+def test_what_is_no_symbol_is_said(symbol):
+    text = SYMBOLS.replace(r"\hat{x}", symbol)
+    with pytest.raises(ModelError, match="is not a symbol"):
+        load_text(text)

@@ -61,3 +61,14 @@ def test_predictive_control_swings_the_pole_up_and_holds_it():
     assert np.abs(path[0, 1]) == pytest.approx(np.pi)
     assert np.abs(1 - np.cos(path[-20:, 1])).max() < 1e-3
     assert np.abs(path[-1, 0]) < 0.05
+
+
+@pytest.mark.slow
+def test_exact_differential_dynamic_programming_swings_the_pole_up():
+    """It ends where iLQR ends, in fewer iterations, and its feedback holds the motion on the plan."""
+    exact, plain, path = example("ddp_swing_up").main()
+    assert exact.costs[-1] == pytest.approx(plain.costs[-1], rel=1e-6)
+    assert len(exact.costs) < len(plain.costs)
+    assert all(b < a for a, b in zip(exact.costs, exact.costs[1:]))
+    assert np.abs(1 - np.cos(path[-1, 1])) < 1e-4
+    assert np.abs(path[-1, [0, 2, 3]]).max() < 0.05

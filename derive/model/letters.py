@@ -1,0 +1,82 @@
+"""`symbol:` of parameters, coordinates, joints and bodies: how a name is typeset, as a little
+LaTeX."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from derive.model.document import Scalar
+from derive.model.entries import CoordinateEntry, ParameterEntry
+from derive.model.reader import Reader
+from derive.model.records import Coordinate
+from derive.model.shape import Document
+
+MOST = 60  # characters
+# letters, digits, indices and a few commands: no other command of LaTeX gets into a page
+COMMANDS = (
+    "alpha beta gamma delta epsilon varepsilon zeta eta theta vartheta iota kappa lambda mu nu xi "
+    "pi rho sigma tau upsilon phi varphi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma "
+    "Upsilon Phi Psi Omega hat bar tilde mathrm mathbf ell"
+)
+ALLOWED = re.compile(rf"(\\(?:{COMMANDS.replace(' ', '|')})(?![A-Za-z])|[A-Za-z0-9',_^{{}}]| )+")
+NO_INDEX = re.compile(r"[_^]\s*(?:[_^}]|$)")  # a sign with nothing after it
+
+
+def letters(
+    reader: Reader, document: Document, coordinates: Sequence[Coordinate]
+) -> tuple[tuple[str, str], ...]:
+    """Name → LaTeX of the parameters and coordinates that say so; a joint says it of its first
+    coordinate."""
+    given: list[tuple[str, Scalar | None]] = [
+        (str(key), entry.symbol)
+        for key, entry in (*document.parameters.items(), *document.coordinates.items())
+        if isinstance(entry, ParameterEntry | CoordinateEntry)
+    ]
+    first = {x.owner: x.name for x in reversed(coordinates)}
+    for key, entry in document.joints.items():
+        if str(key) in first:
+            given.append((first[str(key)], entry.symbol))
+        elif entry.symbol is not None:
+            reader.report(entry.symbol.span, f"the joint '{key}' has no coordinate to be called so")
+    return _read(reader, given)
+
+
+def of_bodies(reader: Reader, document: Document) -> tuple[tuple[str, str], ...]:
+    """The same of bodies."""
+    return _read(reader, [(str(key), entry.symbol) for key, entry in document.bodies.items()])
+
+
+def _read(
+    reader: Reader, given: Sequence[tuple[str, Scalar | None]]
+) -> tuple[tuple[str, str], ...]:
+    shown = [(name, scalar) for name, scalar in given if scalar is not None]
+    return tuple((name, scalar.text.strip()) for name, scalar in shown if _fits(reader, scalar))
+
+
+def _fits(reader: Reader, scalar: Scalar) -> bool:
+    text = scalar.text.strip()
+    right = ALLOWED.fullmatch(text) and not NO_INDEX.search(text) and _balanced(text)
+    if right and len(text) <= MOST:
+        return True
+    reader.report(
+        scalar.span,
+        f"'{text[:MOST]}' is not a symbol",
+        r"a letter of LaTeX with its indices, such as \delta_{1} or \hat{x}",
+    )
+    return False
+
+
+def _balanced(text: str) -> bool:
+    """Braces in pairs, and one index below and one above at most, with none of its own."""
+    indices = [0, 0]
+    depth = 0
+    for sign in text:
+        depth += (sign == "{") - (sign == "}")
+        if depth < 0:
+            return False
+        if sign in "_^":
+            if depth:
+                return False
+            indices["_^".index(sign)] += 1
+    return depth == 0 and max(indices) <= 1

@@ -99,7 +99,9 @@ def program(
     ]
     kernels: list[Kernel] = []
     ledger: list[Entry] = []
-    turning = _Turning(len(arguments[1].names) - len(equations.w) - len(equations.z) if simulates else 0)
+    turning = _Turning(
+        len(arguments[1].names) - len(equations.w) - len(equations.z) if simulates else 0
+    )
     for source, function in emitted:
         kernel, entries = _kernel(source, function, turning)
         kernels.append(kernel)

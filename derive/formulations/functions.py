@@ -62,8 +62,8 @@ class Motion:
 
 
 def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
-    """The slots t (s), x = (q, w, z), u and p with labels and SI units. A frame of directions, where
-    the choice has one, stands behind the model's own parameters."""
+    """The slots t (s), x = (q, w, z), u and p with labels and SI units. A frame of directions,
+    where the choice has one, stands behind the model's own parameters."""
     model = system.model
     free = system.given[: len(system.own_parameters)]
     return (
@@ -78,7 +78,9 @@ def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
             "u", system.u, tuple(i.name for i in model.inputs), tuple(i.unit for i in model.inputs)
         ),
         with_frame(
-            Argument("p", system.p[: len(free)], tuple(x.name for x in free), tuple(x.unit for x in free)),
+            Argument(
+                "p", system.p[: len(free)], tuple(x.name for x in free), tuple(x.unit for x in free)
+            ),
             motion.frame,
         ),
     )

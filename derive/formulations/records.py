@@ -1,7 +1,8 @@
 """The Equations record: one formulation and one choice of quasi-velocities, as the functions of the
 generated module.
 
-x = (q, w, z), v = S w + R c; z are the model's first-order states. Every function is f(t, x, u, p); arguments it does not use are absent
+x = (q, w, z), v = S w + R c; z are the model's first-order states. Every function is f(t, x, u,
+p); arguments it does not use are absent
 from its expressions and code.
 """
 

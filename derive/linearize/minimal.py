@@ -33,7 +33,8 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
 
         δẋ_i = A δx_i + B δu,   δy = C δx_i + D δu,   A = ∂f_i/∂x T,   B = ∂f_i/∂u
 
-    x_i are the n independent coordinates, quasi-velocities and first-order states, δx = T δx_i with φ_q δq = 0. A (n ×
+    x_i are the n independent coordinates, quasi-velocities and first-order states, δx = T δx_i
+    with φ_q δq = 0. A (n ×
     n), B (n × nu), C (ny × n), D (ny × nu) over (t, x, u, p). Raises AssumptionError for any
     formulation but `quasi_velocities`: the others are not minimal.
     """

@@ -227,7 +227,9 @@ def _state(
     found: Problem, given: dict[str, float], q: np.ndarray, v: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
     w = found.speeds(0.0, q, p).full() @ v
-    z = [given.get(x.name, _number(found, x.initial, p)) for x in found.equations.system.model.states]
+    z = [
+        given.get(x.name, _number(found, x.initial, p)) for x in found.equations.system.model.states
+    ]
     return np.concatenate(
         [q, w, z, [given.get(i.name, 0.0) for i in found.equations.system.model.inputs]]
     )

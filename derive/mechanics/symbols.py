@@ -16,7 +16,8 @@ from derive.model.rows import row_names
 
 @dataclass(frozen=True)
 class Symbols:
-    """t, q, v, u, p as SX columns, z the first-order states at the end of p; `qd` stands for q̇ while formulas are read and is replaced by N
+    """t, q, v, u, p as SX columns, z the first-order states at the end of p; `qd` stands for q̇
+    while formulas are read and is replaced by N
     v afterwards."""
 
     t: ca.SX

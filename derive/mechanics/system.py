@@ -117,8 +117,10 @@ def _assembled(
         else ca.SX(0, 1)
     )
     T = ca.SX(kinetic_energy(links, numbers)) + extra.T
-    V = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g)) + extra.V + loads.energy
-    zdot = rates_of_states(scene)
+    lifted = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g))
+    still = lifted + extra.V + loads.energy
+    zdot, stored = rates_of_states(scene), energy_of_states(scene)
+    V = still + stored if model.states else still
     # q̇ is linear in v, so its Jacobian is N itself
     N = ca.jacobian(scene.qdot, s.v)
     # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q
@@ -127,8 +129,6 @@ def _assembled(
     energy = T + V if extra.missing.is_zero() else T + V - extra.missing
     power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1)) - extra.explicit
     if model.states:
-        stored = energy_of_states(scene)
-        V, energy = V + stored, energy + stored
         power = power + ca.jtimes(stored, s.z, zdot)
     measured = outputs(scene)
     result = System(

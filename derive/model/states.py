@@ -1,6 +1,8 @@
-"""First-order states: numbers whose rates are formulas of the motion, of inputs and of each other."""
+"""First-order states: numbers whose rates are formulas of the motion, inputs and each other."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 from derive.expressions.dimensions import Inferred, infer
 from derive.expressions.mistakes import FormulaError
@@ -41,7 +43,7 @@ def _dimension(reader: Reader, formula: Expression, scalar: Scalar) -> Inferred:
 
 
 def states(
-    reader: Reader, document: Document, units: dict[str, str]
+    reader: Reader, document: Document, units: Mapping[str, str]
 ) -> tuple[FirstOrderState, ...]:
     """The entries of `states:` in the order of the file. Rates have the unit of the state per
     second; a rate that needs rates of states, its own or others', is reported where it does."""

@@ -46,7 +46,8 @@ def initial_state(
 
     q on φ(q, t) = 0 first, as A and N depend on it; then the v on A v = c nearest to guesses and
     held rates. Both are solved in the model's own units and given in SI. `changes` overrides values
-    by name and holds them; `p` may leave out the states at its end. Raises ModelError where no consistent state is found.
+    by name and holds them; `p` may leave out the states at its end. Raises ModelError where no
+    consistent state is found.
     """
     parameters = _with_states(system, changes or {}, p)
     told, held = _start_values(system, changes or {}, parameters, t)
@@ -67,9 +68,7 @@ def initial_state(
     return Initial(q * sizes[0], v * sizes[1], found, z)
 
 
-def _with_states(
-    system: System, changes: Mapping[str, float], p: np.ndarray | None
-) -> np.ndarray:
+def _with_states(system: System, changes: Mapping[str, float], p: np.ndarray | None) -> np.ndarray:
     """p with the initial states at its end: those of `changes`, else those of the file."""
     given = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
     own = given[: len(system.own_parameters)]

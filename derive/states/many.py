@@ -29,7 +29,8 @@ SOLVED = 1e-13  # relative residual up to which the normal equations have solved
 
 @dataclass(frozen=True)
 class Starts:
-    """q (k, nq), v (k, nv) and first-order states z (k, nz) in SI. `closed`: rows that satisfy the constraints; `moved`: those
+    """q (k, nq), v (k, nv) and first-order states z (k, nz) in SI. `closed`: rows that satisfy the
+    constraints; `moved`: those
     where a held value had to give way."""
 
     q: np.ndarray

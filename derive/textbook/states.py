@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
-from derive.textbook.records import Math, Text
+from derive.textbook.records import Math, Runs, Text
 
 
 def first_order_states(doc: Manuscript) -> None:
@@ -17,7 +17,7 @@ def first_order_states(doc: Manuscript) -> None:
         "Besides positions and velocities the motion has states $!z$ with first-order equations of "
         "their own; $!x=(!q, !w, !z)$:"
     )
-    rows = []
+    rows: list[tuple[Runs, ...]] = []
     for symbol, state in zip(doc.z, states):
         latex = doc.notation.latex[symbol]
         doc.mean(latex, state.about or f"state {state.name}", state.unit)

@@ -89,7 +89,8 @@ def _title(equations: Equations) -> str:
 
 
 def _groups(source: Source, simulation: Simulation) -> dict[str, Columns]:
-    """Coordinates, quasi-velocities, first-order states, inputs that change, outputs: what is drawn, by name."""
+    """Coordinates, quasi-velocities, first-order states, inputs that change, outputs: what is
+    drawn, by name."""
     equations = source.equations
     w = equations.speeds
     labels = equations.argument("x").labels

@@ -134,6 +134,4 @@ def _rate(begin: Start, plain: Equations, span: float) -> float:
 def first_state(begin: Start, equations: Equations) -> np.ndarray:
     """x at the start, by the equations' own function."""
     state = function_of(equations, "state")
-    return np.asarray(
-        state(0.0, begin.initial.whole, begin.u, begin.p)
-    ).ravel()
+    return np.asarray(state(0.0, begin.initial.whole, begin.u, begin.p)).ravel()

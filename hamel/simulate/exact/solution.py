@@ -23,7 +23,7 @@ from derive.formulations.records import Equations
 from derive.states.closing import Kinematics
 from derive.states.initial import Initial
 from hamel.build import store
-from hamel.simulate.exact.series import Fixed, Graph, Series
+from hamel.simulate.exact.series import Fixed, Graph, NotAnalytic, Series
 from hamel.simulate.exact.taylor import Problem as Flow
 from hamel.simulate.exact.taylor import integrated
 from hamel.verify.checks.evidence import all_parameters
@@ -82,9 +82,7 @@ def written(value: float) -> Fraction:
 
 def state_of(e: Equations, initial: Initial, p: np.ndarray, t: float = 0.0) -> np.ndarray:
     """x from (q, v) by the equations' own function."""
-    found = function_of(e, "state")(
-        t, initial.whole, np.zeros(e.system.u.numel()), p
-    )
+    found = function_of(e, "state")(t, initial.whole, np.zeros(e.system.u.numel()), p)
     return np.asarray(found).ravel()
 
 

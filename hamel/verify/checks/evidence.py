@@ -382,9 +382,7 @@ class Evidence:
 
     def states_of(self, graph: Evaluator) -> tuple[Array, ...]:
         """The states x = (q, w) of a choice that (q, v) of the samples become there."""
-        return tuple(
-            graph("state", s.t, s.whole, s.u, s.p) for s in self.samples
-        )
+        return tuple(graph("state", s.t, s.whole, s.u, s.p) for s in self.samples)
 
     def accelerations_of(self, graph: Evaluator) -> tuple[Array, ...]:
         """v̇ of a choice at its own states, by which choices with different w can be compared."""

@@ -234,7 +234,8 @@ def end_of(e: Evidence, s: Sample, x: Array, span: float) -> Array:
 
 
 def _end(e: Evidence, s: Sample, run: Any, t: float) -> Array:
-    """(q, v, z) where a motion ends; modules of several charts give v themselves, for x may be in any
+    """(q, v, z) where a motion ends; modules of several charts give v themselves, for x may be in
+    any
     of them, and a frame that was based anew stands with the parameters of the row."""
     assert e.module is not None
     x, v, p = run.x[-1], getattr(run, "v", None), getattr(run, "p", None)

@@ -57,7 +57,8 @@ class Seat:
 
 @dataclass(frozen=True)
 class State:
-    """t, q, v, u, p (behind the parameters first-order states) and what follows from them; N is nq × nv, drift = Ṅ v, names and rates feed
+    """t, q, v, u, p (behind the parameters first-order states) and what follows from them; N is nq
+    × nv, drift = Ṅ v, names and rates feed
     formulas."""
 
     t: float

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from derive.model.records import Model
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array

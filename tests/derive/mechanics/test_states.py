@@ -81,7 +81,10 @@ def test_what_states_store_is_in_the_balance() -> None:
     """With its energy given the power is u i − R i², without it the torque's."""
     for text, wanted in (
         (MOTOR, lambda x, u, p: u * x[2] - p[5] * x[2] ** 2),
-        (MOTOR.replace("    energy: L/2*current^2\n", ""), lambda x, u, p: p[2] * p[6] * x[2] * x[1]),
+        (
+            MOTOR.replace("    energy: L/2*current^2\n", ""),
+            lambda x, u, p: p[2] * p[6] * x[2] * x[1],
+        ),
     ):
         found = equations(system(load_text(text)))
         x, u, p = np.array([0.4, 1.3, -0.7]), 2.0, np.array(found.parameters)
@@ -112,7 +115,9 @@ def test_a_planted_error_in_a_rate_is_seen(k: int) -> None:
     """One per million of one rate, in the system and in ẋ."""
     mechanics = system(load_text(TIED))
     ref = reference(mechanics.model)
-    rates = ca.vertcat(*(x * (1 + 1e-6 * (i == k)) for i, x in enumerate(ca.vertsplit(mechanics.zdot))))
+    rates = ca.vertcat(
+        *(x * (1 + 1e-6 * (i == k)) for i, x in enumerate(ca.vertsplit(mechanics.zdot)))
+    )
     wrong = replace(mechanics, zdot=rates)
     seen = evidence(ref, equations(wrong), states=4)
     assert "ż" in [result.name for result in results(seen, QUICK) if not result.passed]

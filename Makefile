@@ -14,7 +14,7 @@ PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exu
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report pages targets embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
+.PHONY: demo report pages targets target-speed embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -73,6 +73,10 @@ targets: $(TARGETS_VENV)/.ready
 		tests/codegen/targets/test_wasm.py tests/codegen/targets/test_matlab.py tests/codegen/targets/test_cortex_m.py \
 		tests/codegen/runtime/test_fmi.py tests/codegen/runtime/test_fmi2.py \
 		tests/hamel/build/test_target_pages.py
+
+# What targets cost beside what they stand for, as ratios: FMU, JAX, CasADi, WebAssembly; exit 4 where one is above its limit.
+target-speed: $(TARGETS_VENV)/.ready
+	$(TARGETS_VENV)/bin/python benchmarks/target_speed.py
 
 # Cortex-M4F and M7 in QEMU, from arm-none-eabi-gcc: values, no double, instructions, stack and flash of every kind of model.
 embedded: $(TARGETS_VENV)/.ready

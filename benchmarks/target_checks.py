@@ -64,6 +64,8 @@ def row(target: str, kind: str) -> Row:
         return Row(target, model, error.diagnostics[0].message, None, True)
     except HamelError as error:
         return Row(target, model, " ".join(str(error).split()), None, False)
+    names = [check.name.partition(": ")[2] for check in found.checks]
+    tool = ", ".join([tool, *(name for name in names if name.startswith("not run"))])
     return Row(target, model, tool, max(map(_share, found.checks)), found.passed)
 
 
@@ -76,7 +78,7 @@ def main(names: list[str]) -> int:
     """0 where every target fits and agrees, or says why it does not fit."""
     warnings.simplefilter("ignore", RuntimeWarning)
     wanted = names or [target.name for target in ON_REQUEST]
-    rows = [row(target, kind) for target in wanted for kind in _kinds(target)]
+    rows = [_said(row(target, kind)) for target in wanted for kind in _kinds(target)]
     shown = [
         (r.target, r.model, "–" if r.worst is None else f"{r.worst:.1g}", _word(r), r.tool)
         for r in rows
@@ -88,6 +90,11 @@ def main(names: list[str]) -> int:
     place.write_text(json.dumps([as_json(asdict(r)) for r in rows], indent=1) + "\n", "utf-8")
     console.print(f"{sum(r.passed for r in rows)} of {len(rows)} passed; {place.relative_to(HOME)}")
     return 0 if all(r.passed for r in rows) else 4
+
+
+def _said(found: Row) -> Row:
+    print(f"{found.target}, {found.model}: {_word(found)}", file=sys.stderr, flush=True)
+    return found
 
 
 def _kinds(target: str) -> list[str]:

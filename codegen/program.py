@@ -9,6 +9,7 @@ expressions. The operations are add, sub, mul, div, neg and the calls listed in
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
@@ -151,6 +152,101 @@ class Solving:
 
 
 @dataclass(frozen=True)
+class Visit:
+    """What a sweep does at one link. Loads are of the link's constants "k", of its row "r", of what
+    it receives "e", of its coordinate, velocity and inputs "q", "v", "u", and of t.
+
+    `kept` goes to entries of the row, `handed` to the next link, `result` is the link's v̇.
+    """
+
+    loads: tuple[Load, ...]
+    sections: tuple[Section, ...]
+    kept: tuple[tuple[int, Expression], ...]
+    handed: tuple[Expression, ...]
+    result: Expression | None
+    operations: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A loop over the links, with a visit for each kind. Where it is `rising`, from base to tip, a
+    link receives what its parent handed on, a root the `start`; else the sum over its children."""
+
+    title: str
+    rising: bool
+    start: tuple[Expression, ...]
+    visits: tuple[Visit, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """The constants of the links of a kind, a row for links that are equal."""
+
+    about: str
+    width: int
+    rows: tuple[tuple[Expression, ...], ...]
+
+    @property
+    def computed(self) -> bool:
+        """Whether parameters are in it."""
+        return any(not isinstance(x, float) for row in self.rows for x in row)
+
+
+PREVIOUS, BASE = -2, -1  # whom a link hands to, besides the slots
+
+
+@dataclass(frozen=True)
+class Rolled:
+    """A function of a tree as loops over its links: code for each kind of link, tables for what
+    differs. Parents stand before children.
+
+    By link: its kind, its row of the kind's table, the entries of x that are its coordinate and its
+    velocity, entries of u. `of`: the link before is its parent (PREVIOUS), the ground is (BASE), or
+    the slot where its parent left what it handed on; `to`: the slot where a link with further
+    children leaves it, or −1. `angles` are computed before all: sine and cosine begin the row.
+    """
+
+    kinds: tuple[int, ...]
+    rows: tuple[int, ...]
+    coordinates: tuple[int, ...]
+    velocities: tuple[int, ...]
+    inputs: tuple[tuple[int, ...], ...]
+    of: tuple[int, ...]
+    to: tuple[int, ...]
+    slots: int
+    tables: tuple[Table, ...]
+    angles: tuple[Visit | None, ...]
+    sweeps: tuple[Sweep, ...]
+    width: int  # of a row of the workspace
+
+    @property
+    def links(self) -> int:
+        """How many there are."""
+        return len(self.kinds)
+
+    @property
+    def received(self) -> int:
+        """The most that is handed on in a sweep."""
+        return max(len(sweep.start) for sweep in self.sweeps)
+
+    @property
+    def chain(self) -> bool:
+        """Whether every link but the first hangs on the one before."""
+        return all(of == PREVIOUS for of in self.of[1:])
+
+    @property
+    def workspace(self) -> int:
+        """Numbers beside the results."""
+        return self.links * self.width + self.slots * self.received
+
+    @property
+    def visits(self) -> tuple[Visit, ...]:
+        """All bodies of code."""
+        angles = (visit for visit in self.angles if visit)
+        return (*angles, *(visit for sweep in self.sweeps for visit in sweep.visits))
+
+
+@dataclass(frozen=True)
 class Kernel:
     """One generated function. `outputs` are the entries of the result, row-major; `shape` is (n,)
     or (r, c)."""
@@ -179,6 +275,13 @@ class Kernel:
     pattern: Pattern | None = None  # of a result that holds the values of a sparse matrix
     # what is done to the outputs at the end
     solving: Solving | None = field(default=None, repr=False)
+    # loops in the place of `outputs`, of which there are none; sections compute what tables need
+    rolled: Rolled | None = field(default=None, repr=False)
+
+    @property
+    def size(self) -> int:
+        """How many entries the result has."""
+        return math.prod(self.shape)
 
     @property
     def computed(self) -> tuple[Expression, ...]:
@@ -298,13 +401,18 @@ class Program:
     real: Real = field(default=FLOAT64, repr=False)  # what it computes in
     targets: tuple[str, ...] = field(default=(), repr=False)  # on request, besides those of all
     states: tuple[str, ...] = field(default=(), repr=False)  # first-order states, the last of x
+    # functions that are loops over links, or were to be: (name, how or why not)
+    rolling: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
     @property
     def fingerprint(self) -> str:
         """Tells programs apart: the same text for the same program on every machine."""
         solving = [kernel.solving for kernel in self.kernels if kernel.solving]
-        further = (self.charts, self.turning, self.frame, self.events, self.steppers, solving)
-        further = (*further, self.states)
+        rolled = [kernel.rolled for kernel in self.kernels if kernel.rolled]
+        further = (
+            self.charts, self.turning, self.frame, self.events, self.steppers, solving, rolled,
+            self.states,
+        )  # fmt: skip
         several = "".join(repr(more) for more in further if more)
         return hashlib.sha256(
             f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()

@@ -58,6 +58,7 @@ def build(
     fix: Mapping[str, float | str] | None = None,
     real: str = "float64",
     targets: Collection[str] = (),
+    roll: str = "auto",
 ) -> records.Built:
     """Derive, emit, compile and quickly verify a module; nothing is left behind when it fails.
 
@@ -70,7 +71,9 @@ def build(
     header for C and C++. `fix` gives inputs and parameters a value, a number in SI or text with a
     unit, and bakes it in: the functions take them no more, and u is shorter. `real` is what the
     code computes in, float64 or float32. `targets` are written beside the module and checked by
-    the tools that use them: `hamel list` names all.
+    the tools that use them: `hamel list` names all. `roll` says whether `dynamics` of a tree of
+    turning and sliding links is a loop over the links, whose code does not grow with their number:
+    "never", "always", or "auto", from 40 links on.
     """
     from hamel.build.reuse import reused
 
@@ -86,6 +89,7 @@ def build(
         fix=fix or {},
         real=real,
         targets=_names(targets),
+        roll=roll,
     )
     again = reused(path, out, options)
     if again is not None:  # then nothing of what derives has to be imported
@@ -311,6 +315,63 @@ def linearize(
 
     names = None if cyclic is None else _names(cyclic)
     return run(path, Options(at, choice, sweep or {}, values or {}, names, step), out)
+
+
+def base_parameters(path: Model, *, choice: str | None = None) -> records.BaseParameters:
+    """Which sums of inertial, friction and rotor parameters the motion of a model can tell, with
+    their closed expressions: by structure, then by rank. Raises AssumptionError for a model without
+    bodies that have mass."""
+    from hamel.sweep.needs import library
+
+    library("scipy", "identification", "identify")
+    from hamel.verbs.identify import base
+
+    return base(path, choice)
+
+
+def identify(
+    path: Model,
+    data: str | Path,
+    *,
+    choice: str | None = None,
+    cutoff: float | None = None,
+    check: str | Path | None = None,
+    out: str | Path | None = None,
+    page: str | Path | None = None,
+) -> records.Identified:
+    """Fit the base parameters to a motion in a CSV file: columns t, coordinates and inputs, and
+    velocities and accelerations, `der(v)`, where they were measured.
+
+    Without accelerations the motion is filtered at `cutoff` (Hz; by its spectrum when None).
+    `check` is a motion that is predicted and not fitted. `out` is the model file with physically
+    consistent values, `page` an HTML page. Raises ModelError for what is wrong with the file,
+    AssumptionError where the motion does not tell the parameters.
+    """
+    from hamel.sweep.needs import library
+
+    library("scipy", "identification", "identify")
+    from hamel.verbs.identify import run
+
+    return run(path, data, choice, cutoff, check, out, page)
+
+
+def excitation(
+    path: Model,
+    out: str | Path,
+    *,
+    period: float = 10.0,
+    harmonics: int = 5,
+    speed: float | None = None,
+    rate: float = 100.0,
+) -> records.Excitation:
+    """A motion that tells the base parameters of a tree, as Fourier series within the limits of the
+    joints and below `speed` (1/s): sampled at `rate` (Hz) into the CSV file `out`."""
+    from hamel.sweep.needs import library
+
+    library("scipy", "identification", "identify")
+    from hamel.verbs.identify import excite
+
+    return excite(path, out, period, harmonics, speed, rate)
 
 
 def report(

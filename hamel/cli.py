@@ -79,6 +79,13 @@ def check(model: str) -> Any:
     "--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy."
 )
 @click.option(
+    "--roll",
+    type=click.Choice(("auto", "never", "always")),
+    default="auto",
+    show_default=True,
+    help="dynamics of a tree as a loop over its links (auto: from 40 links on).",
+)
+@click.option(
     "--header",
     is_flag=True,
     help="Also write all functions as one header of inline functions, NAME_inline.h.",
@@ -262,6 +269,54 @@ def simulate(
             conserve=name_list(conserve),
             **options,
         )
+
+
+@verb
+@model_argument
+@click.argument("data", required=False)
+@CHOICE
+@click.option(
+    "--base", is_flag=True, help="Only list the sums of parameters that a motion can tell."
+)
+@click.option(
+    "--excite", metavar="FILE.csv", help="Only find a motion that tells them, and write it."
+)
+@click.option(
+    "--cutoff",
+    type=POSITIVE,
+    metavar="HZ",
+    help="Of the filter, where accelerations are missing (default: by the spectrum).",
+)
+@click.option("--check", metavar="FILE.csv", help="A motion to predict, that is not fitted.")
+@click.option("-o", "--out", metavar="FILE.yaml", help="Write the model with the values found.")
+@click.option("--page", metavar="FILE.html", help="Write values and plots.")
+@click.option(
+    "--period", type=POSITIVE, default=10.0, show_default=True, metavar="S", help="Of --excite."
+)
+@click.option(
+    "--harmonics", type=click.IntRange(1, 50), default=5, show_default=True, help="Of --excite."
+)
+@click.option("--speed", type=POSITIVE, metavar="1/S", help="The most of --excite (default: any).")
+@click.option(
+    "--rate",
+    type=POSITIVE,
+    default=100.0,
+    show_default=True,
+    metavar="HZ",
+    help="Rows per second of --excite.",
+)
+def identify(model: str, data: str | None, base: bool, excite: str | None, **options: Any) -> Any:
+    """Fit masses, inertias, friction and rotors of MODEL to the motion in DATA, a CSV file with
+    columns t, coordinates, inputs, and velocities and accelerations, der(v), where there are
+    any."""
+    series = {name: options.pop(name) for name in ("period", "harmonics", "speed", "rate")}
+    if [data is not None, base, excite is not None].count(True) != 1:
+        raise click.UsageError("give one of DATA, --base and --excite FILE.csv")
+    if base:
+        return hamel.base_parameters(model, choice=options["choice"])
+    if excite:
+        return hamel.excitation(model, excite, **series)
+    return hamel.identify(model, data, **options)
 
 
 @verb

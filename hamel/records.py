@@ -523,3 +523,78 @@ class Swept:
         xarray, and for a sweep that kept no rows."""
         assert self.data is not None  # whoever makes a record gives it
         return self.data()
+
+
+@dataclass(frozen=True)
+class BaseParameter:
+    """A sum of standard parameters that motion tells, named after one of them; `file`: its value in
+    the model file. `deviation` is the standard deviation of `weighted`."""
+
+    name: str
+    unit: str
+    sum: str
+    file: float | None = None
+    ordinary: float | None = None
+    weighted: float | None = None
+    deviation: float | None = None
+    consistent: float | None = None
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """Which sums a model's motion can tell. `least_kept` and `largest_dropped`: what the columns
+    that count, and those that do not, have beyond the ones before them, scaled to one."""
+
+    model: str
+    standard: int
+    by_structure: int
+    base: tuple[BaseParameter, ...]
+    without_effect: tuple[str, ...]
+    least_kept: float
+    largest_dropped: float
+
+
+@dataclass(frozen=True)
+class StandardParameter:
+    """`value` is None where no physically consistent set was asked for."""
+
+    name: str
+    unit: str
+    file: float
+    value: float | None
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Parameters from measured motion. `noise`: standard deviation of each equation's noise;
+    `residuals`: what is left of each, root mean square of that of the forces."""
+
+    model: str
+    data: str
+    rows: int
+    base: tuple[BaseParameter, ...]
+    standard: tuple[StandardParameter, ...]
+    condition: float
+    equations: tuple[str, ...]
+    noise: tuple[float, ...]
+    residuals: tuple[float, ...]
+    check: str | None
+    check_residuals: tuple[float, ...]
+    notes: tuple[str, ...]
+    file: Path | None
+    page: Path | None
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A Fourier series in `file`: q = middle + Σ (aₖ sin kωt − bₖ cos kωt)/kω, ω = 2π/period."""
+
+    model: str
+    file: Path
+    period: float
+    harmonics: int
+    condition: float
+    base: int
+    middle: tuple[float, ...]
+    a: Sequence[Sequence[float]]
+    b: Sequence[Sequence[float]]

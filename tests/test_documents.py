@@ -63,7 +63,8 @@ def test_commands_that_a_document_names_are_commands(document: Path) -> None:
         words = span.removeprefix("$ ").removeprefix(".venv/bin/").split()
         if len(words) > 1 and words[0] == "hamel" and words[1].isalpha():
             assert words[1] in group.commands, span
-        if len(words) > 1 and words[0] == "make":
+        elsewhere = "-C" in words  # by the Makefile of a folder that a build makes
+        if len(words) > 1 and words[0] == "make" and not elsewhere:
             assert f"\n{words[1]}:" in makefile, span
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from codegen.passes.split import is_long
-from codegen.program import Expression, Kernel, Program
+from codegen.program import Expression, Kernel, Program, Visit
 
 DYNAMICS = "dynamics"
 BATCHED = (DYNAMICS, "derivatives")  # worth the time to compile them twice
@@ -16,6 +16,8 @@ PLAIN = frozenset({
 LARGEST = frozenset({"fmin", "fmax"})  # of functions that a step calls: in lanes by comparison
 # statements, inputs and outputs together: longer loops over lanes take compilers too long
 WIDEST = 1_500
+# numbers of a function of loops over links: of one lane, and eight of them go on the stack
+MOST_ROLLED = 40_000
 LONGEST = 12_000  # of functions that are asked for by name, in parts
 
 
@@ -41,12 +43,23 @@ def side_by_side(program: Program) -> tuple[Kernel, ...]:
 
 
 def _is_straight(kernel: Kernel) -> bool:
+    if kernel.rolled:
+        bodies = (body for visit in kernel.rolled.visits for body in values_of(visit))
+        short = kernel.rolled.workspace + kernel.size <= MOST_ROLLED
+        return short and all(_is_plain(value, PLAIN - {"sin", "cos"}) for value in bodies)
     values = [s.value for section in kernel.sections for s in section.statements]
     values += [*kernel.outputs, *(guard.value for guard in kernel.guards)]
     size = len(kernel.x.names) + len(values)
     plain = PLAIN if kernel.name in BATCHED else PLAIN | LARGEST
     most = LONGEST if kernel.name in BATCHED[1:] else WIDEST
     return size <= most and all(_is_plain(value, plain) for value in values)
+
+
+def values_of(visit: Visit) -> list[Expression]:
+    """All expressions of a body of code."""
+    values = [s.value for section in visit.sections for s in section.statements]
+    values += [*(x for _, x in visit.kept), *visit.handed]
+    return values + ([] if visit.result is None else [visit.result])
 
 
 def _is_plain(value: Expression, plain: frozenset[str]) -> bool:

@@ -16,6 +16,7 @@ from codegen.passes.initial import initial
 from codegen.passes.lanes import BATCHED
 from codegen.passes.lower import Lowered
 from codegen.passes.names import Names, identifier
+from codegen.passes.roll import AUTO, NEVER, refusal, rolled
 from codegen.passes.schedule import schedule
 from codegen.passes.selection import (
     chart_suffix,
@@ -61,19 +62,23 @@ def program(
     functions: Sequence[str] | None = None,
     integrators: Sequence[str] = ("dop853",),
     enforcements: Sequence[str] | None = None,
+    roll: str = AUTO,
 ) -> Program:
     """The Program of the named functions; the default ones when None, and in place of the name
     "default".
 
     `integrators` and `enforcements` are those that `simulate` of the module can use (projection,
     where there is anything to project on, and none, where `enforcements` is None); functions that
-    they need are added. Raises HamelError for a name that the model or the program does not know,
-    AssumptionError where a Jacobian is too large for the stack or a series was asked for that does
-    not exist.
+    they need are added. `roll` says whether a function becomes loops over links where that is
+    possible (never, always, where it is long). Raises HamelError for a name that the model or the
+    program does not know, AssumptionError where a Jacobian is too large for the stack or a series
+    was asked for that does not exist.
     """
     arguments = _arguments(equations.arguments, equations.parameters)
     chosen, loops = selection(equations, functions), loops_asked(equations, functions)
     named, integrators = integrators, spelled_out(integrators)
+    if SERIES in named and roll == AUTO:
+        roll = NEVER  # loops over links have no recurrences
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
         enforcements = usual_enforcements(chosen) if enforcements is None else enforcements
@@ -102,8 +107,15 @@ def program(
     turning = _Turning(
         len(arguments[1].names) - len(equations.w) - len(equations.z) if simulates else 0
     )
+    rolling: list[tuple[str, str]] = []
     for source, function in emitted:
-        kernel, entries = _kernel(source, function, turning)
+        refused = refusal(function, roll, len(source.system.links))
+        if refused is not None:
+            kernel, entries = _kernel(source, function, turning)
+        else:
+            kernel, entries = _rolled(source, function, turning)
+        if refused != "":
+            rolling.append((function.name, f"unrolled: {refused}" if refused else _how(kernel)))
         kernels.append(kernel)
         ledger += entries
     model = equations.system.model
@@ -131,6 +143,7 @@ def program(
         frame=len(equations.frame.labels) if equations.frame and simulates else 0,
         events=_events(equations) if simulates else (),
         charts=_charts(charts),
+        rolling=tuple(rolling),
     )
     made = with_steppers(made, loops)
     if SERIES in named and made.integrators:
@@ -169,6 +182,16 @@ class _Turning:
             found = turns(tape, roots, self.count, name in ("project", "state"))
             self.round |= found[0]
             self.seen |= found[1]
+
+    def look_at_links(self, kernel: Kernel) -> None:
+        """A coordinate that is read for its angle alone."""
+        of = kernel.rolled
+        if of is None or not self.count:
+            return
+        for kind, coordinate in zip(of.kinds, of.coordinates):
+            bodies = [sweep.visits[kind] for sweep in of.sweeps]
+            seen = any(load.argument == "q" for body in bodies for load in body.loads)
+            (self.seen if seen or of.angles[kind] is None else self.round).add(coordinate)
 
     @property
     def found(self) -> tuple[int, ...]:
@@ -234,6 +257,24 @@ def _kernel(
             Entry(function.name, "hoist", best.total, kernel.hoisted.rest.operations["total"])
         )
     return kernel, entries
+
+
+def _rolled(
+    equations: Equations, function: Function, turning: _Turning
+) -> tuple[Kernel, list[Entry]]:
+    """As loops over links. Angles of links are seen in sines and cosines alone."""
+    slots = _slots(equations, function)
+    loops = rolled(function, _arguments(slots, equations.parameters))
+    turning.look_at_links(loops.kernel)
+    return loops.kernel, list(loops.entries)
+
+
+def _how(kernel: Kernel) -> str:
+    of = kernel.rolled
+    if of is None:
+        return ""
+    kinds = f"{len(of.tables)} kind{'s' if len(of.tables) > 1 else ''}"
+    return f"rolled: {of.links} links of {kinds}, {of.workspace} numbers of workspace"
 
 
 def _roots(function: Function) -> list[ca.SX]:

@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from codegen.program import Expression, Kernel, Pivot, Program, Stepper
+from codegen.passes.lanes import values_of
+from codegen.program import Expression, Kernel, Pivot, Program, Rolled, Stepper
 from codegen.reals import FLOAT64, Real, real_of
 from derive.diagnostics import AssumptionError
 
@@ -70,8 +71,16 @@ def _numbers(program: Program) -> Iterator[tuple[str, float]]:
         values = [s.value for section in kernel.sections for s in section.statements]
         values += [*kernel.outputs, *(x for g in kernel.guards for x in (g.value, g.tolerance))]
         values += [kernel.loop.residual] if kernel.loop else []
+        values += _of_links(kernel.rolled) if kernel.rolled else []
         for value in values:
             yield from ((kernel.name, number) for number in _constants(value))
+
+
+def _of_links(of: Rolled) -> list[Expression]:
+    """What stands in tables and in the bodies of loops."""
+    tables = [x for table in of.tables for row in table.rows for x in row]
+    starts = [x for sweep in of.sweeps for x in sweep.start]
+    return [*tables, *starts, *(x for visit in of.visits for x in values_of(visit))]
 
 
 def _constants(value: Expression) -> Iterator[float]:

@@ -193,7 +193,7 @@ def _loads(
 
 
 def _slot(load: Load) -> tuple[int, int]:
-    return "txupc".index(load.argument), load.index
+    return "txupckqvre".index(load.argument), load.index
 
 
 def _expression(operation: Operation, expressions: dict[int, Expression]) -> Expression:

@@ -28,7 +28,7 @@ def _stepper(program: Program, request: Request, chart: int) -> Stepper:
     shape = (len(x.names), columns) if request.name == SENSITIVE else (len(x.names),)
     called = _called(program, request.needs, suffix)
     kernel = _kernel(request.name + suffix, about, shape, _longer(x, ("h",), ("s",)), called)
-    size = len(kernel.outputs) + len(x.names) + 1
+    size = kernel.size + len(x.names) + 1
     taken = _longer(x, ("h", "method", "substeps"), ("s", "", ""))
     about = f"{request.name} by any method, with the estimate of its error and a status"
     row = _kernel(f"{request.name}_row{suffix}", about, (size,), taken, called)

@@ -37,6 +37,8 @@ def series(program: Program, suffix: str = "") -> Series:
     """
     dynamics = program.in_chart("dynamics", suffix)
     assert dynamics is not None  # it is what is simulated
+    if dynamics.rolled:
+        raise NoSeries("loops over links, which have no recurrences; --roll never writes them out")
     hoisted = dynamics.hoisted
     alone = not program.charts and not program.frame
     tape = Recurrences()

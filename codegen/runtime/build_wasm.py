@@ -27,7 +27,8 @@ INSTALL = (
 FLAGS = ["-std=c99", "-O2", "-fno-math-errno", "-fno-trapping-math", "-I."]
 STACK = 8 << 20  # bytes, below all data: what overflows it traps
 LINK = ["-mexec-model=reactor", "-Wl,--strip-all", f"-Wl,-z,stack-size={STACK}"]
-EXPORTS = ["-Wl,--export=__heap_base", "-Wl,--stack-first"]
+EXPORTS = ["-Wl,--export=__heap_base"]
+STACK_FIRST = ["-Wl,--stack-first"]  # zig does not know it
 VARIANTS = {"": [], "_simd": ["-msimd128"]}
 EXAMPLES = ("example.c", "example_program.c")
 PROBE = "#include <math.h>\ndouble f(double x);\ndouble f(double x) { return sin(x); }\n"
@@ -39,10 +40,11 @@ def main(folder: pathlib.Path) -> list[str]:
     command = find_compiler()
     if command is None:
         raise RuntimeError(f"no compiler for WebAssembly: {INSTALL}")
+    first = [] if "ziglang" in command else STACK_FIRST
     names = sources(json.loads((folder / "manifest.json").read_text(encoding="utf-8")))
     made = {f"wasm/{NAME}{end}.wasm": flags for end, flags in VARIANTS.items()}
     tasks = [
-        [*command, *FLAGS, *flags, *LINK, *EXPORTS, *names, "-lm", "-o", out]
+        [*command, *FLAGS, *flags, *LINK, *EXPORTS, *first, *names, "-lm", "-o", out]
         for out, flags in made.items()
     ]
     with concurrent.futures.ThreadPoolExecutor(len(tasks)) as pool:

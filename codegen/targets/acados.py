@@ -12,9 +12,8 @@ from __future__ import annotations
 from typing import Any
 
 from codegen import text
-from codegen.passes.split import is_long
 from codegen.program import Program
-from codegen.targets.records import WIDEST, Target
+from codegen.targets.records import WIDEST, Target, is_apart
 
 FOLDER = "acados"
 NEEDS = ("jacobian", "jacobian_u", "dynamics_hessian")
@@ -23,7 +22,7 @@ NEEDS = ("jacobian", "jacobian_u", "dynamics_hessian")
 def files(program: Program) -> dict[str, str]:
     """acados/NAME_acados.c, which includes the C of the module, and NAME_acados.py."""
     called = ("dynamics", *NEEDS)
-    long = [k.name for k in program.kernels if k.name in called and is_long(k)]
+    long = [k.name for k in program.kernels if k.name in called and is_apart(k)]
     data: dict[str, Any] = {
         "prefix": program.name,
         "PREFIX": program.name.upper(),

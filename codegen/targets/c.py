@@ -14,8 +14,9 @@ from codegen import text
 from codegen.passes.lanes import is_batched, side_by_side
 from codegen.passes.schedule import TURNS
 from codegen.passes.split import Part, names, split
-from codegen.program import Expression, Kernel, Program, Section, Statement
+from codegen.program import BASE, PREVIOUS, Expression, Kernel, Program, Rolled, Section, Statement
 from codegen.targets.records import Target
+from codegen.targets.rolled import Text, c_text
 
 FEW = 24  # values that are added up one by one to see that all are finite
 FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512bw", "avx512vl")
@@ -44,6 +45,8 @@ class Body:
     residual: str
     turns: bool  # are there sines and cosines?
     constants: int = 0  # length of c, where it takes precomputed constants
+    rolled: Text | None = None  # loops in the place of pieces
+    finite: tuple[tuple[str, str, int], ...] = ()  # arrays that are looked at: name, array, length
 
 
 @dataclass(frozen=True)
@@ -85,10 +88,16 @@ def files(program: Program) -> dict[str, str]:
         _body(program, kernel, _MANY) for kernel in side_by_side(program) if not is_batched(kernel)
     ]
     short = [body for body in bodies if len(body.pieces) == 1]
+    data |= {"previous": PREVIOUS, "base": BASE}
     long = {
         f"{program.name}_{body.kernel.name}.c": text.render("long.c.j2", bodies=[body], **data)
         for body in bodies
         if len(body.pieces) > 1
+    }
+    long |= {
+        f"{program.name}_{body.kernel.name}.c": text.render("loops.c.j2", bodies=[body], **data)
+        for body in bodies
+        if body.rolled
     }
     return {
         f"{program.name}.h": text.render("header.h.j2", bodies=bodies, batches=batches, **data),
@@ -131,15 +140,46 @@ def _batch(program: Program, kernel: Kernel) -> Body:
     if not kernel.hoisted:
         return _body(program, kernel, _MANY)
     rest = replace(kernel.hoisted.rest, name=kernel.name)
-    return replace(_body(program, rest, _MANY), constants=len(kernel.hoisted.precompute.outputs))
+    return replace(_body(program, rest, _MANY), constants=kernel.hoisted.precompute.size)
+
+
+def _loops(program: Program, kernel: Kernel, of: Rolled, style: _Style) -> Body:
+    """Loops over links, with what the tables take of parameters before them."""
+    lines = [
+        f"const double {load.name} = {style.entry.format(load.argument, load.index)};"
+        for load in kernel.loads
+    ]
+    lines += [
+        f"const double {s.name} = {_value(s.value, style)};"
+        for section in kernel.sections
+        for s in section.statements
+    ]
+    own = f"{program.name}_{kernel.name}_"
+    sizes = {argument.name: len(argument.names) for argument in program.arguments}
+    return Body(
+        kernel=kernel,
+        size=kernel.size,
+        pieces=(),
+        workspace=of.workspace,
+        stray=_stray(program, kernel, style),
+        residual="",
+        turns=any(of.angles),
+        rolled=c_text(kernel, of, own, style is _MANY, lines),
+        finite=(
+            *((name, "t_" if name == "t" else name, sizes[name]) for name in kernel.uses),
+            ("out", "out", kernel.size),
+        ),
+    )
 
 
 def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
+    if kernel.rolled:
+        return _loops(program, kernel, kernel.rolled, style)
     parts = split(kernel)
     lines = _near if len(parts.parts) > 1 and style is _ONE else _far
     return Body(
         kernel=kernel,
-        size=len(kernel.outputs),
+        size=kernel.size,
         pieces=tuple(_piece(program, kernel, part, style, lines) for part in parts.parts),
         workspace=parts.size,
         stray=_stray(program, kernel, style),
@@ -157,7 +197,7 @@ def _piece(
     program: Program, kernel: Kernel, part: Part, style: _Style, lines: Callable[..., Iterator[str]]
 ) -> Piece:
     uses = {load.argument for load in part.loads}
-    if part.taken or part.kept or any(i >= len(kernel.outputs) for i, _ in part.outputs):
+    if part.taken or part.kept or any(i >= kernel.size for i, _ in part.outputs):
         uses.add("work")
     if any(i < len(kernel.outputs) and _stands(kernel, value) for i, value in part.outputs):
         uses.add("out")
@@ -331,8 +371,8 @@ _MANY = _Style("{0}[{1} * LANES + lane]", text.LANES, _by_lanes)
 
 
 def _output(kernel: Kernel, i: int, style: _Style) -> str:
-    if i >= len(kernel.outputs):  # what solving takes stands first in the workspace
-        place = style.entry.format("work", i - len(kernel.outputs))
+    if i >= kernel.size:  # what solving takes stands first in the workspace
+        place = style.entry.format("work", i - kernel.size)
         return f"{place} = {_value(kernel.computed[i], style)};"
     label = kernel.labels[i] if i < len(kernel.labels) else ""
     unit = kernel.units[i] if i < len(kernel.units) else ""
@@ -361,7 +401,7 @@ def _stray(program: Program, kernel: Kernel, style: _Style) -> str:
         "0.0 * t" if name == "t" else f"{program.name}_stray({name}, {sizes[name]})"
         for name in slots
     ]
-    return " + ".join([*calls, f"{program.name}_stray(out, {len(kernel.outputs)})"])
+    return " + ".join([*calls, f"{program.name}_stray(out, {kernel.size})"])
 
 
 def _added(terms: Sequence[str]) -> str:

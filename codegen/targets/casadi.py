@@ -71,7 +71,7 @@ class External:
     def longest(self) -> int:
         """Numbers of the longest result, which is computed before it is put in place."""
         results = [block.kernel for block in self.blocks if block.kernel]
-        return max(len(kernel.outputs) for kernel in (self.kernel, *results))
+        return max(kernel.size for kernel in (self.kernel, *results))
 
 
 def files(program: Program) -> dict[str, str]:
@@ -112,6 +112,9 @@ def refusal(program: Program) -> str:
     """CasADi knows one kind of number."""
     if program.real.words:
         return f"CasADi computes in float64, not in {program.real.name}; build without --real"
+    loops = [kernel.name for kernel in program.kernels if kernel.rolled]
+    if loops:
+        return f"{loops[0]} is a loop over links, no expression; build with --roll never"
     odd = [kernel.name for kernel in program.kernels if "__" in kernel.name]
     return f"CasADi takes no name with two underscores in a row: {odd[0]}" if odd else ""
 
@@ -172,7 +175,7 @@ def _blocks(program: Program, kernel: Kernel, sizes: dict[str, int]) -> tuple[Bl
         if argument in kernel.uses and own is None:
             return ()
         used = own if argument in kernel.uses else None
-        found.append(_block(used, len(kernel.outputs), sizes[argument]))
+        found.append(_block(used, kernel.size, sizes[argument]))
     return tuple(found)
 
 
@@ -195,4 +198,5 @@ CASADI = Target(
     needs=tuple(JACOBIANS.values()),
     refusal=refusal,
     readme="casadi.md.j2",
+    straight=True,
 )

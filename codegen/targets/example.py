@@ -6,9 +6,8 @@ from __future__ import annotations
 from typing import Any
 
 from codegen import compiler, text
-from codegen.passes.split import is_long
 from codegen.program import Program
-from codegen.targets.records import Target
+from codegen.targets.records import Target, is_apart
 
 
 def files(program: Program) -> dict[str, str]:
@@ -25,7 +24,7 @@ def files(program: Program) -> dict[str, str]:
         program.name,
         *charts,
         *names_of_rows,
-        *(f"{program.name}_{kernel.name}" for kernel in program.kernels if is_long(kernel)),
+        *(f"{program.name}_{kernel.name}" for kernel in program.kernels if is_apart(kernel)),
     ]
     data: dict[str, Any] = {
         "file": compiler.example(program.name),

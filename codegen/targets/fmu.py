@@ -270,11 +270,11 @@ def _labels(program: Program, kernel: Kernel) -> Sequence[str]:
     if kernel.name == "reactions":
         return [f"reaction {label}" for label in kernel.labels]
     named = NAMED.get(kernel.name, ())
-    return named if len(named) == len(kernel.outputs) else kernel.labels
+    return named if len(named) == kernel.size else kernel.labels
 
 
 def _units_of(kernel: Kernel) -> Sequence[str]:
-    return kernel.units or ("",) * len(kernel.outputs)
+    return kernel.units or ("",) * kernel.size
 
 
 def _constants(program: Program, at: References, free: _Names) -> Iterable[Variable]:

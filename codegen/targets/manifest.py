@@ -38,7 +38,7 @@ def _manifest(program: Program) -> dict[str, object]:
         "operations": {kernel.name: kernel.operations["total"] for kernel in program.kernels},
         "precomputed": {
             kernel.name: {
-                "constants": len(h.precompute.outputs),
+                "constants": h.precompute.size,
                 "once": h.precompute.operations["total"],
                 "then": h.rest.operations["total"],
             }
@@ -46,6 +46,7 @@ def _manifest(program: Program) -> dict[str, object]:
             if (h := kernel.hoisted)
         },
         "operations_by_kind": {kernel.name: dict(kernel.operations) for kernel in program.kernels},
+        **({"rolled": dict(program.rolling)} if program.rolling else {}),
         "flags": list(program.flags),
         "tuned": dict(program.timings),
         "ledger": [[e.function, e.step, e.before, e.after] for e in program.ledger],

@@ -11,8 +11,9 @@ from codegen import text
 from codegen.integrators import ROSENBROCK
 from codegen.passes.lanes import is_batched
 from codegen.passes.split import Part, split
-from codegen.program import Kernel, Program
+from codegen.program import PREVIOUS, Kernel, Program
 from codegen.targets.records import Target
+from codegen.targets.rolled import Text, python_text
 from codegen.targets.simulate import alike
 
 # what steps may call beside `dynamics`
@@ -37,6 +38,7 @@ class Body:
     kernel: Kernel
     pieces: tuple[Piece, ...]
     workspace: int
+    rolled: Text | None = None  # loops in the place of pieces
 
 
 def files(program: Program) -> dict[str, str]:
@@ -60,6 +62,7 @@ def files(program: Program) -> dict[str, str]:
             bodies=bodies,
             erf=erf,
             rosenbrock=_coefficients(),
+            previous=PREVIOUS,
             models=_stepped(program),
             alike=alike(program),
             **data,
@@ -95,6 +98,9 @@ def _stepped(program: Program) -> list[dict[str, str]]:
 
 
 def _body(kernel: Kernel, language: text.Language) -> Body:
+    if kernel.rolled:
+        lines = _lines(Part(loads=kernel.loads, sections=kernel.sections), language)
+        return Body(kernel, (), 0, python_text(kernel.rolled, language, tuple(lines)))
     parts = split(kernel)
     return Body(kernel, tuple(_piece(kernel, part, language) for part in parts.parts), parts.size)
 
@@ -121,7 +127,7 @@ def _piece(kernel: Kernel, part: Part, language: text.Language) -> Piece:
 
 def _target(kernel: Kernel, i: int) -> str:
     """Where an output goes; what solving takes stands first in the workspace."""
-    own = len(kernel.outputs)
+    own = kernel.size
     return f"out[..., {i}]" if i < own else f"work[{i - own}]"
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from codegen.passes.split import is_long
-from codegen.program import Program
+from codegen.program import Kernel, Program
 
 # entries of the state up to which matrices of derivatives are made for a target
 WIDEST = 200
@@ -32,6 +32,7 @@ class Target:
     needs: tuple[str, ...] = ()
     refusal: Callable[[Program], str] = _fits
     readme: str = ""
+    straight: bool = False  # it takes straight-line code alone, no loops over links
 
 
 def affordable(needs: Collection[str], states: int) -> tuple[str, ...]:
@@ -42,8 +43,13 @@ def affordable(needs: Collection[str], states: int) -> tuple[str, ...]:
     return tuple(name for name in needs if not name.startswith(("jacobian", "dynamics_hessian")))
 
 
+def is_apart(kernel: Kernel) -> bool:
+    """Whether a function has a file of its own."""
+    return kernel.rolled is not None or is_long(kernel)
+
+
 def plain_sources(program: Program) -> list[str]:
     """C files that hold the functions for one state, the longest functions in files of their
     own."""
-    long = [f"{program.name}_{kernel.name}.c" for kernel in program.kernels if is_long(kernel)]
+    long = [f"{program.name}_{kernel.name}.c" for kernel in program.kernels if is_apart(kernel)]
     return [f"{program.name}.c", *long]

@@ -18,7 +18,7 @@ import casadi as ca
 from derive.choices.elimination import Elimination
 from derive.choices.limits import EXPLICIT_MANY
 from derive.choices.reduction import Reduction
-from derive.expressions.counting import alternatives
+from derive.expressions.counting import alternatives, instructions
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import dot, is_zero, minus, plus
 from derive.mechanics.accelerations import newton_euler
@@ -69,7 +69,8 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     if not found or system.written:
         found += _by_matrices(system, reduction)
     qdot = ca.substitute(system.qdot, system.v, reduction.v)
-    counts = alternatives([ca.vertcat(qdot, x.wdot) for x in found])
+    results = [ca.vertcat(qdot, x.wdot) for x in found]
+    counts = alternatives(results) if len(found) > 1 else [instructions(results[0])]
     best = found[counts.index(min(counts))]
     vdot = ca.mtimes(reduction.S, best.wdot) + reduction.sigma
     # the recursion makes no M_w; where it is used S = 1 and M_w is M

@@ -27,6 +27,14 @@ def operations(*results: ca.SX) -> int:
     return alternatives([ca.vertcat(*[ca.vec(x) for x in results])])[0]
 
 
+def instructions(result: ca.SX) -> int:
+    """What CasADi runs for a result: like `operations`, but equal subexpressions that were written
+    twice count twice. For graphs of which there is no other to compare with, it takes no time."""
+    symbols = ca.vertcat(ca.SX(0, 1), *ca.symvar(result))
+    made = ca.Function("count", [symbols], [result])
+    return made.n_instructions() - symbols.numel() - made.nnz_out(0)
+
+
 def alternatives(results: Sequence[ca.SX]) -> list[int]:
     """Distinct counted operations that each result needs by itself; what they have in common is
     looked at once. Equal subexpressions count once, also where a + b stands as b + a."""

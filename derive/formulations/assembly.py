@@ -18,6 +18,7 @@ from derive.formulations.derivatives import derivatives
 from derive.formulations.functions import Minimal, Motion, arguments, functions
 from derive.formulations.named_frames import families
 from derive.formulations.records import Equations
+from derive.formulations.regression import regression
 from derive.mechanics.records import Named, System
 
 
@@ -149,7 +150,11 @@ def _finished(
         generalized_velocities=motion.projects_velocity,
         closing=motion.closing,
         frame=motion.frame,
-        requests=(*control(system, motion), *derivatives(slots, offered, (system, motion))),
+        requests=(
+            *control(system, motion),
+            *regression(system, motion),
+            *derivatives(slots, offered, (system, motion)),
+        ),
         families=families(system, motion),
     )
 

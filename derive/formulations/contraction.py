@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.formulations.functions import Motion, at_motion
-from derive.formulations.structured import column, entries, is_identity
+from derive.formulations.functions import Motion, at_motion, is_unit
+from derive.formulations.structured import column, entries
 from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.records import System
 from derive.mechanics.solve import ldl_solution, scalars
@@ -49,7 +49,7 @@ def contractions(system: System, motion: Motion, z: ca.SX, y: ca.SX, dz: ca.SX) 
 
 def _residuals(system: System, motion: Motion) -> Iterator[_Residual]:
     wdot, mu = (ca.SX.sym(name, motion.wdot.numel()) for name in ("wdot", "mu"))
-    if not system.rows and system.written and is_identity(motion.B):
+    if not system.rows and system.written and is_unit(motion.B):
         yield _newton_euler(system, motion, wdot, mu)
     if motion.minimal is not None:
         mass = motion.minimal.mass

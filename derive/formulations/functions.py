@@ -3,6 +3,7 @@ is handed in."""
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -16,6 +17,7 @@ from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.limits import CLOSED, MOST_STEPS, PER_RADIAN, USUAL
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Iteration, Result
+from derive.formulations.rolled import recursion
 from derive.mechanics.records import Named, System
 from derive.mechanics.system import inertial_forces
 from derive.numerics import NONZERO
@@ -148,7 +150,23 @@ def _dynamics(system: System, motion: Motion) -> Function:
     result = Result("xdot", value, tuple(labels), tuple(units))
     about = "state derivative: q̇ = N v, " + (_BASE if motion.projects_velocity else _REDUCED)
     about += ", ż as the model gives it" if system.model.states else ""
-    return Function("dynamics", about, result, motion.named, (*motion.guards, *motion.solving))
+    guards = (*motion.guards, *motion.solving)
+    direct = motion.minimal is not None and not guards and is_unit(motion.B)
+    other = "" if direct else "its velocities are not those of the joints"
+    other = "it has first-order states" if system.model.states else other
+    return Function(
+        "dynamics",
+        about,
+        result,
+        motion.named,
+        guards,
+        recursion=functools.cache(lambda: recursion(system, other)),
+    )
+
+
+def is_unit(S: ca.SX) -> bool:
+    """Exactly the unit matrix."""
+    return S.is_square() and bool((S - ca.SX.eye(S.size1())).is_zero())
 
 
 _BASE = "v̇ from M v̇ + h = Q + Aᵀ λ and A v̇ = β"

@@ -37,3 +37,8 @@ LIGHT = 1e-9  # masses and mobilities below this part of the usual say nothing o
 # ---- derivatives
 
 UNROLLED = 6_000  # operations of solving for them up to which they are written out, not looped over
+
+# ---- rolled
+
+MOST_KINDS = 12  # bodies of code in one loop over links; each is a branch and some kilobytes
+MOST_PARAMETRIC = 64  # rows of a table that are computed from parameters, written out each time

@@ -16,6 +16,7 @@ import casadi as ca
 
 from derive.choices.records import Frame, Guard
 from derive.mechanics.records import Named, System
+from derive.mechanics.recursion import Recursion
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,9 @@ class Function:
     residual: ca.SX | None = None  # of an iteration
     x: Argument | None = None
     solving: Elimination | None = None  # how the result is computed, where a loop is shorter
+    # the result as loops over links, whatever their number. Raises AssumptionError where it does
+    # not fit, with the reason
+    recursion: Callable[[], Recursion] | None = None
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
-from derive.formulations.functions import Minimal, Motion, at_motion
+from derive.formulations.functions import Minimal, Motion, at_motion, is_unit
 from derive.formulations.limits import UNROLLED
 from derive.formulations.records import Elimination
 from derive.joints.rotations import cross, dot, is_zero, minus, plus, rotated, times, transpose
@@ -61,7 +61,7 @@ def of_tree(system: System, motion: Motion) -> Iterator[Slopes]:
 
 
 def _is_tree(system: System, motion: Motion) -> bool:
-    return not system.rows and bool(system.links) and is_identity(motion.B)
+    return not system.rows and bool(system.links) and is_unit(motion.B)
 
 
 @dataclass(frozen=True)
@@ -147,11 +147,6 @@ def _is_rotation(system: System, block: ca.SX) -> bool:
     values = np.random.default_rng(0).uniform(0.5, 1.5, (symbols.numel(), 3))
     found = [np.array(at(column)) for column in values.T]
     return all(np.allclose(N @ N.T, np.eye(len(N)), atol=1e-12) for N in found)
-
-
-def is_identity(S: ca.SX) -> bool:
-    """Exactly the unit matrix."""
-    return S.is_square() and bool((S - ca.SX.eye(S.size1())).is_zero())
 
 
 def _terms(system: System, motion: Motion, inertias: Sequence[Inertia]) -> _Terms:

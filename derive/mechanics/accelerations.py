@@ -44,6 +44,14 @@ def newton_euler(
     Gravity enters as an acceleration −g of the ground, so that no link needs its weight. `v`,
     `vdot` are over all generalized velocities; `gravity` is in ground axes, m/s².
     """
+    states = accelerations(links, v, vdot, gravity)
+    return [_wrench(body, state) for body, state in zip(inertias, states)]
+
+
+def accelerations(
+    links: Sequence[Link], v: Sequence[Scalar], vdot: Sequence[Scalar], gravity: Vector
+) -> list[State]:
+    """(ω, ω̇, a, U) of every link, in its frame; a of its origin, gravity taken off."""
     states: list[State] = []
     # gravity as an upward acceleration of the ground: every link then carries its weight by itself
     ground: State = ([0.0] * 3, [0.0] * 3, [-g for g in gravity], [[0.0] * 3 for _ in range(3)])
@@ -52,7 +60,7 @@ def newton_euler(
         states.append(
             _child(link, parent, [v[j] for j in link.columns], [vdot[j] for j in link.columns])
         )
-    return [_wrench(body, state) for body, state in zip(inertias, states)]
+    return states
 
 
 def _child(link: Link, parent: State, v: Vector, vdot: Vector) -> State:

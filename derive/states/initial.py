@@ -205,10 +205,8 @@ def _held_rows(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows that give the held rates: N's for der(q), unit rows for generalized velocities."""
     rows = {f"der({c.name})": N[i] for i, c in enumerate(system.model.coordinates)}
-    rows |= {
-        x.name: np.eye(len(system.model.velocities))[j]
-        for j, x in enumerate(system.model.velocities)
-    }
+    unit = np.eye(len(system.model.velocities))
+    rows |= {x.name: unit[j] for j, x in enumerate(system.model.velocities)}
     names = [name for name in given if name in held and name in rows]
     matrix = np.array([rows[name] for name in names]).reshape(len(names), N.shape[1])
     return matrix, np.array([given[name] for name in names])

@@ -32,6 +32,7 @@ class BuildOptions:
     fix: Fixed = field(default_factory=dict)  # inputs and parameters with these values
     real: str = "float64"  # what the code computes in
     targets: Collection[str] = ()  # on request, such as casadi
+    roll: str = "auto"  # functions as loops over links: never, always, where they are long
     states: int = QUICK_STATES  # random admissible states of the verification
 
     def said(self) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from derive.formulations.charts import BETWEEN
 from derive.formulations.records import Equations
 from derive.textbook import html
 from hamel.build.assurance import check_all
-from hamel.build.clock import Clock
+from hamel.build.clock import LOG, Clock
 from hamel.build.folder import check_place, publish, resolved
 from hamel.build.keys import file_key
 from hamel.build.module import Compiled, compiling, drafted
@@ -111,6 +111,8 @@ def _program(
         )
     with clock("passes", "Equations → Program"):
         program = program_for(equations, options)
+    for name, how in program.rolling:
+        LOG.info("%-12s %s", name, how)
     if options.tune:
         with clock("tune", "Program → Program with the fastest flags"):
             program = with_fastest_flags(program, times)

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from codegen.emit import on_request
 from codegen.integrators import INTEGRATORS
 from codegen.passes import in_precision, program
+from codegen.passes.roll import ALWAYS, AUTO, NEVER
 from codegen.program import Program
 from codegen.targets.records import affordable
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
@@ -97,13 +98,14 @@ def program_of(
     integrators: Iterable[str] = (),
     enforcements: Collection[str] | None = None,
     real: str = "float64",
+    roll: str = AUTO,
 ) -> Program:
     """Equations → Program: the straight-line statements of each function, counted. `integrators`:
     the default one when empty."""
     methods = tuple(integrators) or (INTEGRATORS[0].name,)
     names = None if functions is None else tuple(functions)
     held = None if enforcements is None else tuple(enforcements)
-    return in_precision(program(equations, names, methods, held), real)
+    return in_precision(program(equations, names, methods, held, roll), real)
 
 
 def program_for(equations: Equations, options: BuildOptions) -> Program:
@@ -113,7 +115,11 @@ def program_for(equations: Equations, options: BuildOptions) -> Program:
     wanted = [n for target in asked for n in affordable(target.needs, states)]
     needs = [n for n in dict.fromkeys(wanted) if _is_possible(equations, n)]
     functions = (*(options.functions or ("default",)), *needs) if needs else options.functions
-    made = program_of(equations, functions, options.integrators, real=options.real)
+    straight = options.header or any(target.straight for target in asked)
+    if options.header and options.roll == ALWAYS:
+        raise AssumptionError("loops over links are in no header of inline functions")
+    roll = NEVER if straight and options.roll == AUTO else options.roll
+    made = program_of(equations, functions, options.integrators, real=options.real, roll=roll)
     return replace(made, inline=options.header, targets=tuple(target.name for target in asked))
 
 

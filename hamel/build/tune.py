@@ -148,7 +148,7 @@ def _loop(program: Program, folder: Path) -> Loop:
         for n in (len(kernel.x.names), len(program.argument("u").names))
     )
     defaults = np.array(program.argument("p").defaults, dtype=float)
-    arrays = (np.zeros(1), x, u, defaults, np.zeros((ROWS, len(kernel.outputs))))
+    arrays = (np.zeros(1), x, u, defaults, np.zeros((ROWS, kernel.size)))
     return Loop(rows, function, tuple(array.astype(program.real.name) for array in arrays))
 
 

@@ -50,6 +50,14 @@ __attribute__((used)) static void failed(void)
     leave(1);
 }
 
+/* Where newlib's sinf and its like tell of an argument that has no value. */
+int *__errno(void);
+int *__errno(void)
+{
+    static int number;
+    return &number;
+}
+
 /* All of the stack below here is marked; how deep it was since then shows. */
 #define MARK 0x5a5a5a5au
 

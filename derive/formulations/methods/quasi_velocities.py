@@ -20,9 +20,9 @@ from derive.model.records import Choice
 
 
 def _equations(survey: Survey, choice: Choice) -> Equations:
-    system, found = survey.system, carried_through(survey, choice)
+    found = carried_through(survey, choice)
     reduction, result = found.reduction, found.explicit
-    lam = _multipliers(survey, reduction, _missing(system, reduction, result.vdot))
+    lam = _multipliers(survey, reduction, result.vdot)
     return reduced(survey, FORMULATION.name, choice.name, found.reason, reduction, result, lam)
 
 
@@ -34,7 +34,7 @@ def _missing(system: System, reduction: Reduction, vdot: ca.SX) -> ca.SX:
     return ca.substitute(forces - system.Q, system.v, reduction.v)
 
 
-def _multipliers(survey: Survey, reduction: Reduction, missing: ca.SX) -> ca.SX:
+def _multipliers(survey: Survey, reduction: Reduction, vdot: ca.SX) -> ca.SX:
     """λ from Yᵀ [λ; 0] = M v̇ + h − Q, Y = [A; B].
 
     Where Y has no safe pivots it may be far worse conditioned than A alone: then λ is the least
@@ -43,6 +43,7 @@ def _multipliers(survey: Survey, reduction: Reduction, missing: ca.SX) -> ca.SX:
     rows = survey.independent_rows
     if not survey.rank:
         return rows.spread([])
+    missing = _missing(survey.system, reduction, vdot)
     Y = ca.vertcat(rows.A, reduction.B)
     result = solved(survey, Y.T, [entries(missing)], reduction)
     if by_reflections(result):

@@ -15,6 +15,7 @@ from hamel.verify.checks import (
     motion,
     named_frames,
     quasi,
+    regressor,
     steps,
     strange,
     udwadia,
@@ -31,6 +32,7 @@ CHECKS: tuple[Check, ...] = (
     *linear.CHECKS,
     *named_frames.CHECKS,
     *quasi.CHECKS,
+    *regressor.CHECKS,
     *code.CHECKS,
     *charts.CHECKS,
     *steps.CHECKS,
@@ -44,6 +46,7 @@ QUICK = (
     *linear.CHECKS,
     *named_frames.CHECKS,
     *quasi.CHECKS,
+    *regressor.CHECKS,
 )  # every term against the reference, and what was derived from ẋ on request
 # the loaded module against the graph
 LOADED = (*code.CHECKS[:1], *charts.CHECKS, *steps.CHECKS)

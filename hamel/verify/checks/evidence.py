@@ -398,7 +398,7 @@ class Evidence:
             return tuple(np.concatenate([s.q, s.v]) for s in self.samples)
         if name == "integrate":
             return tuple(np.concatenate([s.q, s.v * self.units.time]) for s in self.samples)
-        if name == "inverse_dynamics":
+        if name in ("inverse_dynamics", "regressor", "regressor_rest"):
             rng = np.random.default_rng(4)  # any v̇ will do, and none should come out as zero
             any_other = (
                 s.outcome.vdot + self.units.vdot * rng.normal(size=len(s.v)) for s in self.samples

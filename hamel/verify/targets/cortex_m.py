@@ -25,7 +25,14 @@ PROCESSORS = {"cortex-m4": "M4F", "cortex-m7": "M7"}
 LIMIT = 100.0  # s
 FLASH, STACK = 32 << 10, 2 << 10  # bytes that a controller may take
 # helpers of the compiler for double, the heap, printing
-UNWANTED = re.compile(r"\b(__aeabi_[df]?d\w*|__\w+df\w*|_?malloc\w*|_?sbrk\w*|\w*printf\w*)\b")
+UNWANTED = re.compile(
+    r"__aeabi_(?:d|\w*2d)\w*"
+    r"|__(?:add|sub|mul|div|neg|eq|ne|lt|le|gt|ge|cmp|unord|powi)df[23]"
+    r"|__(?:extendsfdf2|truncdfsf2|fix(?:uns)?df[sd]i|float(?:un)?[sd]idf)"
+    r"|_?malloc\w*|_?sbrk\w*|\w*printf\w*"
+)
+# a line of the program: names, then words in hexadecimal
+PRINTED = re.compile(r"^(?:instructions )?\w+(?: [0-9a-f]{8})+$", re.MULTILINE)
 SMALL = 30  # states of a model whose controller is held to FLASH and STACK
 
 
@@ -130,19 +137,18 @@ def _made(place: Path, goal: str, processor: str) -> subprocess.CompletedProcess
 
 
 def _run(said: str) -> Run:
+    """Lines of other kinds, such as a compiler's or QEMU's, are none of the program's."""
     found = Run()
-    for line in said.splitlines():
+    for line in PRINTED.findall(said):
         match line.split():
             case ["instructions", name, count, stack]:
                 found.cost[name] = (int(count, 16), int(stack, 16))
-            case [name, status, *words]:
+            case [name, status, *words]:  # a function at a state
                 values = np.array([int(word, 16) for word in words], np.uint32).view(np.float32)
                 good = int(status, 16) == 0
                 found.results.setdefault(name, []).append(
                     values.astype(float) if good else np.full(len(words), np.nan)
                 )
-            case _:
-                pass
     return found
 
 

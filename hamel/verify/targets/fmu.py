@@ -36,6 +36,8 @@ def check(subject: Subject) -> Iterator[CheckResult]:
     problems = fmpy.validation.validate_fmu(str(path))
     count = float(len(problems))
     yield CheckResult("description", count, 0.0, not problems, "; ".join(problems) or "no problems")
+    if problems:  # what is not described cannot be called
+        return
     subject = with_start(subject, fmpy.read_model_description(str(path)))
     with tempfile.TemporaryDirectory() as folder:
         fmpy.extract(str(path), folder)

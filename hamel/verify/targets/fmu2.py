@@ -33,6 +33,8 @@ def _results(fmpy: Any, subject: Subject) -> Iterator[CheckResult]:
     problems = fmpy.validation.validate_fmu(str(path))
     said = "; ".join(problems) or "no problems"
     yield CheckResult("description", float(len(problems)), 0.0, not problems, said)
+    if problems:  # what is not described cannot be called
+        return
     description = fmpy.read_model_description(str(path))
     subject = with_start(subject, description)
     with tempfile.TemporaryDirectory() as folder:

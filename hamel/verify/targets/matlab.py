@@ -55,7 +55,7 @@ data = read('motion.in', 1);
 times = data(1:{n}); x = data({n} + 1:{x}); u = data({x} + 1:{u}); p = data({u} + 1:end);
 options = struct('rtol', {rtol}, 'atol', {rtol}); options.u = u; options.p = p;
 motion = {name}.simulate(times, x, options);
-write('motion.out', motion.x(:));
+write('motion.out', [motion.steps; motion.x(:)]);
 """
 
 
@@ -91,9 +91,9 @@ def check(subject: Subject) -> Iterator[CheckResult]:
     yield result(subject, "values in Octave", list(singles), "every function of the class")
     yield result(subject, "many columns in Octave", list(columns), "the same, all states at once")
     if motion is not None:
-        rows = found.get("motion", np.empty(0))
-        given = rows if rows.size == motion.x.size else np.full(motion.x.size, np.nan)
-        yield motion.check("simulate in Octave", given)
+        steps, *rows = found.get("motion", [np.inf])
+        given = rows if len(rows) == motion.x.size else np.full(motion.x.size, np.nan)
+        yield from motion.checks("Octave", np.array(given), float(steps))
 
 
 def _call(subject: Subject, name: str, place: Path) -> str:

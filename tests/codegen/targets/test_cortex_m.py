@@ -40,18 +40,22 @@ __attribute__((used, section(".vectors"))) static int (*const kept)(void) = four
 int four_bar_dynamics(float t"""
 
 
-@pytest.fixture(scope="module")
-def four_bar(tmp_path_factory):
-    base = tmp_path_factory.mktemp("cortex")
+def on_board(base, model, choice=None):
+    """`dynamics` of a model in float32, with its target."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
-        equations = equations_of(MODELS / "four_bar.yaml", "crank")
+        equations = equations_of(MODELS / f"{model}.yaml", choice)
         options = BuildOptions(functions=("dynamics",), targets=("cortex-m",), real="float32")
         made = program_for(equations, options)
         names = [kernel.name for kernel in made.kernels]
         rows = shipped(with_emitted(equations, made), names, 0)
-        folder = published(made, base / "four_bar").folder
+        folder = published(made, base / model).folder
         return subject_of(made, loader.load(folder), rows)
+
+
+@pytest.fixture(scope="module")
+def four_bar(tmp_path_factory):
+    return on_board(tmp_path_factory.mktemp("cortex"), "four_bar", "crank")
 
 
 @needs_qemu
@@ -83,6 +87,34 @@ def test_instructions_and_stack_are_measured(four_bar):
     run = checked.measured(four_bar, "cortex-m7")
     instructions, stack = run.cost["dynamics"]
     assert 100 < instructions < 5000 and 0 < stack < 2048
+
+
+@needs_qemu
+@pytest.mark.slow
+def test_sines_of_the_library_are_linked(tmp_path):
+    """newlib's sinf tells of errors where a C library would be asked to."""
+    cart_pole = on_board(tmp_path, "cart_pole")
+    assert not [result for result in checked.check(cart_pole) if not result.passed]
+    place = cart_pole.folder / "cortex-m" / "start.c"
+    place.write_text(place.read_text("utf-8").replace("__errno", "_other"))
+    failed = [result for result in checked.check(cart_pole) if not result.passed]
+    assert "undefined reference to `__errno'" in failed[0].about
+
+
+def test_lines_that_the_program_did_not_print_are_none_of_its_results():
+    said = "ld: in function with_errno: in\ndynamics 00000000 3f800000\nmake: *** run Error 1\n"
+    run = checked._run(said + "instructions dynamics 00000010 00000020\n")
+    assert run.cost == {"dynamics": (16, 32)}
+    assert {name: [list(row) for row in rows] for name, rows in run.results.items()} == {
+        "dynamics": [[1.0]]
+    }
+
+
+def test_symbols_of_double_heap_and_printing_are_known():
+    wanted = ["__aeabi_dadd", "__aeabi_f2d", "__aeabi_ui2d", "__muldf3", "__fixunsdfsi", "malloc"]
+    others = ["__math_invalidf", "__aeabi_fadd", "__aeabi_idiv", "sinf", "four_bar_dynamics"]
+    assert all(map(checked.UNWANTED.fullmatch, [*wanted, "_sbrk_r", "sprintf", "__gedf2"]))
+    assert not any(map(checked.UNWANTED.fullmatch, others))
 
 
 def test_double_is_refused_and_a_controller_is_there_where_it_can_be():

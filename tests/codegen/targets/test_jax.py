@@ -75,16 +75,64 @@ def test_a_gradient_through_a_hundred_steps_is_that_of_differences(jax, cart_pol
 
 
 @pytest.mark.parametrize(
+    ("t", "x", "u", "p"),
+    [
+        ((), (5, 3), (), ()),  # one row for all but x
+        ((), (1, 3), (5, 1), ()),  # each along an axis of its own
+        ((5, 1), (5, 3), (1, 3), (5, 1)),
+        ((3,), (5, 1), (5, 3), (3,)),
+        ((), (2, 1, 3), (1, 4, 1), (2, 4, 1)),
+        ((2, 1, 1), (4, 1), (3,), ()),
+        ((), (0, 3), (0, 1), ()),
+    ],
+)
+def test_leading_axes_broadcast_row_by_row(jax, cart_pole, t, x, u, p):
+    """As the module has it row by row: in a call, under jit, and under a vmap for each axis."""
+    functions, module = generated(cart_pole, "jax"), cart_pole.module
+    random = np.random.default_rng(4)
+    shapes = ((*t, 1), (*x, 4), (*u, 1), (*p, len(module.defaults)))
+    given = [random.uniform(0.5, 1.0, shape) for shape in shapes]
+    lead = np.broadcast_shapes(t, x, u, p)
+    rows = [np.broadcast_to(part, (*lead, part.shape[-1])) for part in given]
+    expected = np.zeros((*lead, 4))
+    for place in np.ndindex(*lead):
+        one = [row[place] for row in rows]
+        expected[place] = module.dynamics(one[0][0], *one[1:])
+    given[0] = given[0][..., 0]
+    dynamics = functions.dynamics
+    for call in (dynamics, jax.jit(dynamics), mapped(jax, dynamics, (t, x, u, p))):
+        assert np.asarray(call(*given)) == pytest.approx(expected, rel=1e-13, abs=1e-13)
+
+
+def mapped(jax, dynamics, leads):
+    """A vmap for each leading axis, over the arguments that are long there; XLA is given the others
+    with an axis of length 1."""
+    rank = max(map(len, leads))
+    padded = [(1,) * (rank - len(lead)) + lead for lead in leads]
+    call = dynamics
+    for lengths in reversed(list(zip(*padded))):
+        call = jax.vmap(call, tuple(None if length == 1 else 0 for length in lengths))
+    kept = [[length for length in lead if length != 1] for lead in leads]
+
+    def value(*given):
+        shapes = [(*kept[k], *np.shape(part)[len(leads[k]) :]) for k, part in enumerate(given)]
+        return call(*map(np.reshape, given, shapes))
+
+    return value
+
+
+@pytest.mark.parametrize(
     ("before", "after", "seen"),
     [
         ("return None, None, None, None, _by_x", "return None, None, None, None, -_by_x", ["vjp"]),
         ("[x, dx, du], -1", "[x, -dx, du], -1", ["jvp"]),
         ('"...ij,...j->...i"', '"...ij,...j->...j"', None),
-        ("if _shape", "if _shape", []),
+        ("[x, dx, du], -1", "[x, dx, du], -1", []),
     ],
 )
 def test_errors_are_seen(cart_pole, tmp_path, before, after, seen):
     text = (cart_pole.folder / "cart_pole_jax.py").read_text("utf-8")
+    assert before in text
     (tmp_path / "cart_pole_jax.py").write_text(text.replace(before, after))
     library = compiler.shared_library("cart_pole")
     (tmp_path / library).symlink_to(cart_pole.folder / library)

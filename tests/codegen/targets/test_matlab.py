@@ -21,6 +21,7 @@ from tests.toy import toy
 needs_octave = pytest.mark.skipif(
     compiler.find_compiler() is None or not shutil.which("mkoctfile"), reason="no Octave"
 )
+MOTION = {"simulate in Octave", "steps in Octave"}
 SCRIPT = """
 addpath matlab
 cart_pole.build();
@@ -62,7 +63,10 @@ def cart_pole(tmp_path_factory):
     [
         ("cart_pole.m", "[2 1 3]", "[1 2 3]", set()),  # of a symmetric matrix
         ("cart_pole.m", "cart_pole_mex(0, t", "cart_pole_mex(0, t + t", set()),  # nor of time
-        ("cart_pole.m", "given.rtol, given.atol", "1, 1", {"simulate in Octave"}),
+        ("cart_pole.m", "given.rtol, given.atol", "1, 1", MOTION),
+        ("cart_pole.m", "given.rtol, given.atol", "1e-9, 1e-9", {"steps in Octave"}),
+        ("cart_pole.m", "given.step_size, given.rtol", "1, given.rtol", MOTION),
+        ("cart_pole.m", "given.step_size, given.rtol", "1e-3, given.rtol", {"steps in Octave"}),
         ("cart_pole_mex.c", "by_u, np", "0, np", {"many columns in Octave"}),
         ("cart_pole.m", "function build()", "function built()", {"built and run by Octave"}),
     ],

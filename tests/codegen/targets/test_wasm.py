@@ -26,6 +26,9 @@ needs_tools = pytest.mark.skipif(
     compiler.find_compiler() is None or not shutil.which("node") or not build_wasm.find_compiler(),
     reason="no Node, or no compiler for WebAssembly",
 )
+needs_browser = pytest.mark.skipif(
+    not any(map(shutil.which, checked.BROWSERS)), reason="no Chromium"
+)
 SCRIPT = """
 import { load, Failure } from "./cart_pole.mjs";
 import assert from "node:assert";
@@ -58,8 +61,9 @@ def cart_pole(tmp_path_factory):
         ("this._put(au, u ?? ", "this._put(au, ", {"values", "values with SIMD"}),
         ("u ?? new", "u  ??  new", set()),
         ("this.raw[name](t, ax, au", "this.raw[name](t, ax, ap", {"values", "values with SIMD"}),
-        ("this._put(au + k", "this._put(ap + k", {"simulate"}),
-        ("stepSize, rtol", "1, rtol", {"simulate"}),
+        ("this._put(au + k", "this._put(ap + k", {"simulate", "steps"}),
+        ("stepSize, rtol", "1, rtol", {"simulate", "steps"}),
+        ("rtol, atol, max", "1e-9, 1e-9, max", {"steps"}),
     ],
 )
 def test_errors_are_seen_in_node(cart_pole, tmp_path, monkeypatch, before, after, seen):
@@ -69,9 +73,35 @@ def test_errors_are_seen_in_node(cart_pole, tmp_path, monkeypatch, before, after
     text = file.read_text("utf-8")
     assert before in text
     file.write_text(text.replace(before, after))
-    results = checked.check(replace(cart_pole, folder=tmp_path / "cart_pole"))
+    results = list(checked.check(replace(cart_pole, folder=tmp_path / "cart_pole")))
     failed = {result.name for result in results if not result.passed}
     assert failed == {f"{name} in Node" for name in seen}
+
+
+@needs_tools
+@pytest.mark.slow
+def test_a_browser_that_is_missing_is_said(cart_pole, monkeypatch):
+    monkeypatch.setattr(checked, "BROWSERS", ())
+    *_, last = checked.check(cart_pole)
+    assert last.name == "not run in Chromium, which is not installed"
+    assert "apt install chromium" in last.about
+
+
+@needs_tools
+@needs_browser
+@pytest.mark.slow
+def test_errors_are_seen_in_chromium(cart_pole, tmp_path):
+    """States that are doubled where there is a window, which Node has not."""
+    shutil.copytree(cart_pole.folder, tmp_path / "cart_pole")
+    file = tmp_path / "cart_pole" / "wasm" / "cart_pole.mjs"
+    before = "this._put(ax, x"
+    text = file.read_text("utf-8")
+    assert before in text
+    spoiled = 'this._put(ax, typeof window === "undefined" ? x : x.map((value) => 2 * value)'
+    file.write_text(text.replace(before, spoiled))
+    results = checked.check(replace(cart_pole, folder=tmp_path / "cart_pole"))
+    failed = {result.name for result in results if not result.passed}
+    assert failed == {"values in Chromium", "values with SIMD in Chromium"}
 
 
 @needs_tools
@@ -94,6 +124,7 @@ def test_nothing_is_imported_by_the_module(cart_pole):
     subprocess.run(command, check=True, cwd=cart_pole.folder / "wasm")
 
 
+@pytest.mark.slow
 def test_without_a_compiler_nothing_is_built(monkeypatch, tmp_path):
     """The command that installs one is said, before anything is written."""
     if compiler.find_compiler() is None:

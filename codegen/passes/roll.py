@@ -1,0 +1,273 @@
+"""roll: a recursion over links becomes a kernel of loops, with one straight-line body for each kind
+of link. Every body goes through the passes of any other function."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from codegen.passes.improve import count, improve, used_operations
+from codegen.passes.names import Names, identifier
+from codegen.passes.schedule import Scheduled, schedule
+from codegen.passes.trace import record
+from codegen.program import (
+    BASE,
+    KINDS,
+    PREVIOUS,
+    Argument,
+    Entry,
+    Expression,
+    Kernel,
+    Rolled,
+    Sweep,
+    Table,
+    Visit,
+)
+from derive.diagnostics import AssumptionError
+from derive.expressions.scalars import Scalar
+from derive.formulations.records import Function
+from derive.mechanics import recursion
+from derive.mechanics.recursion import Recursion
+
+AUTO, NEVER, ALWAYS = ROLLS = ("auto", "never", "always")
+# Links from which loops take less time than what they are unrolled to, scalar and in lanes
+# (measured: planar chains from 40, oblique ones from 16), and links for each kind, for a processor
+# cannot foresee which comes next (60 of 12 kinds take 16 % longer)
+FROM, PER_KIND = 40, 10
+
+
+@dataclass(frozen=True)
+class Loops:
+    """A kernel, and the lines of the ledger."""
+
+    kernel: Kernel
+    entries: tuple[Entry, ...]
+
+
+def refusal(function: Function, roll: str, links: int) -> str | None:
+    """Why the function is not rolled; nothing where that was not wanted, None where it is to be.
+
+    Raises AssumptionError where it always should be.
+    """
+    if roll == NEVER or function.recursion is None or (roll == AUTO and links < FROM):
+        return ""
+    try:
+        kinds = len(function.recursion().kinds)
+    except AssumptionError as error:
+        why = error.diagnostics[0].message
+        if roll == ALWAYS:
+            raise AssumptionError(f"{function.name} cannot be rolled: {why}") from None
+        return why
+    if roll == AUTO and links < PER_KIND * kinds:
+        return f"{links} links of {kinds} kinds, too few of each to gain"
+    return None
+
+
+def rolled(function: Function, arguments: Sequence[Argument]) -> Loops:
+    """The function as loops over links."""
+    if function.recursion is None:
+        raise AssumptionError(f"{function.name} is no recursion")
+    of = function.recursion()
+    entries: list[Entry] = []
+    bodies = _Bodies(function.name, of, entries)
+    angles = tuple(
+        None if angle is None else bodies.visit(k, "angles", ca.SX(0, 1), [], [], angle)
+        for k, angle in enumerate(of.angles)
+    )
+    sweeps = [bodies.sweep(sweep) for sweep in of.sweeps]
+    computed = _computed(of)
+    values, once = _prologue(of, function, computed, arguments)
+    known = dict(zip(map(str, computed), values.roots))
+
+    def value(x: Scalar) -> Expression:
+        """A number, or the local that holds it."""
+        return x if isinstance(x, float) else known[str(x)]
+
+    nq = len(of.coordinates)
+    ways, out, slots = _ways(of.parents)
+    made = Rolled(
+        kinds=of.kinds_of,
+        rows=of.rows_of,
+        coordinates=of.coordinates,
+        velocities=tuple(nq + j for j in of.velocities),
+        inputs=of.inputs_of,
+        of=ways,
+        to=out,
+        slots=slots,
+        tables=tuple(
+            Table(
+                kind.about,
+                kind.constants.numel(),
+                tuple(tuple(map(value, row)) for row in kind.table),
+            )
+            for kind in of.kinds
+        ),
+        angles=angles,
+        sweeps=tuple(
+            Sweep(sweep.title, sweep.rising, tuple(map(value, sweep.start)), visits)
+            for sweep, visits in zip(of.sweeps, sweeps)
+        ),
+        width=bodies.width,
+    )
+    kernel = _kernel(function, arguments, made, values)
+    counts = _operations(made)
+    return Loops(
+        replace(kernel, operations={name: n + once[name] for name, n in counts.items()}),
+        tuple(entries),
+    )
+
+
+class _Bodies:
+    """Bodies of code over the same rows."""
+
+    def __init__(self, function: str, of: Recursion, entries: list[Entry]) -> None:
+        used = {0, 1} | {k for sweep in of.sweeps for x in sweep.visits for k in x.kept}
+        self.places = {k: n for n, k in enumerate(sorted(used))}
+        self.width = len(self.places)
+        self._function, self._of, self._entries = function, of, entries
+
+    def sweep(self, sweep: recursion.Sweep) -> tuple[Visit, ...]:
+        """A visit for each kind."""
+        return tuple(
+            self.visit(
+                k, sweep.title, sweep.received, list(visit.kept.items()), visit.handed, visit.result
+            )
+            for k, visit in enumerate(sweep.visits)
+        )
+
+    def visit(
+        self,
+        number: int,
+        title: str,
+        received: ca.SX,
+        kept: Sequence[tuple[int, Scalar]],
+        handed: Sequence[Scalar],
+        result: Scalar | None,
+    ) -> Visit:
+        """The body of one kind, after the passes."""
+        kind = self._of.kinds[number]
+        slots = [
+            ("k", kind.constants), ("q", self._of.q), ("v", self._of.v), ("u", kind.inputs),
+            ("t", self._of.t), ("r", self._of.row), ("e", received),
+        ]  # fmt: skip
+        last = [] if result is None else [result]
+        roots = [ca.SX(x) for x in (*(x for _, x in kept), *handed, *last)]
+        where = f"{self._function}: {title.split(',')[0]}, {kind.about}"
+        best, entries = improve(where, record(slots, roots), range(0))
+        self._entries += entries
+        inputs = {(name, i): self._name(name, i) for name, x in slots for i in range(x.numel())}
+        done = schedule(best.lowered, (), title, inputs, Names([*Names().taken, *inputs.values()]))
+        many = len(kept)
+        loads = tuple(
+            load if load.argument != "r" else type(load)(load.name, "r", self.places[load.index])
+            for load in done.loads
+        )
+        return Visit(
+            loads=loads,
+            sections=done.sections,
+            kept=tuple((self.places[k], x) for (k, _), x in zip(kept, done.roots)),
+            handed=done.roots[many : many + len(handed)],
+            result=None if result is None else done.roots[-1],
+            operations=count(used_operations(best.lowered)),
+        )
+
+    def _name(self, argument: str, i: int) -> str:
+        return argument if argument in "qvt" else f"{argument}{i}"
+
+
+def _computed(of: Recursion) -> list[ca.SX]:
+    """What stands in tables and is no number, each once."""
+    tables = (x for kind in of.kinds for row in kind.table for x in row)
+    starts = (x for sweep in of.sweeps for x in sweep.start)
+    symbolic = {str(x): x for x in (*tables, *starts) if isinstance(x, ca.SX)}
+    return list(symbolic.values())
+
+
+def _prologue(
+    of: Recursion, function: Function, computed: Sequence[ca.SX], arguments: Sequence[Argument]
+) -> tuple[Scheduled, dict[str, int]]:
+    """Straight-line code for what tables hold of parameters, and its operations."""
+    if not computed:
+        return Scheduled((), (), ()), dict.fromkeys((*KINDS, "total"), 0)
+    p = next(argument for argument in arguments if argument.name == "p")
+    best, _ = improve(function.name, record([("p", of.p)], computed), range(0))
+    names = {("p", i): name for i, name in enumerate(p.names)}
+    free = Names([*Names().taken, *names.values(), identifier(function.result.name)])
+    title = "constants of links, from parameters"
+    done = schedule(best.lowered, best.marks, title, names, free)
+    return done, count(used_operations(best.lowered))
+
+
+def _ways(parents: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...], int]:
+    """From where each link receives, where it leaves what it hands on, and how many slots that
+    takes; a slot is used again when its last child is done."""
+    last: dict[int, int] = {}
+    for i, parent in enumerate(parents):
+        if parent != i - 1 and parent >= 0:
+            last[parent] = i
+    free: list[int] = []
+    slot_of: dict[int, int] = {}
+    of: list[int] = []
+    to: list[int] = []
+    slots = 0
+    for i, parent in enumerate(parents):
+        way = BASE if parent < 0 else PREVIOUS if parent == i - 1 else slot_of[parent]
+        of.append(way)
+        if way >= 0 and last[parent] == i:
+            heapq.heappush(free, way)
+        place = -1
+        if i in last:
+            place = heapq.heappop(free) if free else slots
+            slots = max(slots, place + 1)
+            slot_of[i] = place
+        to.append(place)
+    return tuple(of), tuple(to), slots
+
+
+def _kernel(
+    function: Function, arguments: Sequence[Argument], made: Rolled, values: Scheduled
+) -> Kernel:
+    used = {load.argument for visit in made.visits for load in visit.loads}
+    read = {"x", *({"u", "t"} & used), *(load.argument for load in values.loads)}
+    uses = tuple(a.name for a in arguments if a.name in read)
+    size = function.result.value.numel()
+    nq = size - made.links
+    return Kernel(
+        name=function.name,
+        about=function.about,
+        result=function.result.name,
+        shape=(size,),
+        labels=function.result.labels,
+        units=function.result.units,
+        x=next(argument for argument in arguments if argument.name == "x"),
+        uses=uses,
+        loads=values.loads,
+        sections=values.sections,
+        outputs=(),
+        guards=(),
+        loop=None,
+        watched=tuple(
+            (a.name, i) for a in arguments if a.name in uses for i in range(len(a.names))
+        ),
+        results=tuple(range(nq, size)),
+        operations={},
+        rolled=made,
+    )
+
+
+def _operations(made: Rolled) -> dict[str, int]:
+    """Body × links, with sines and cosines."""
+    counts: dict[str, int] = dict.fromkeys((*KINDS, "total"), 0)
+    for k, angle in enumerate(made.angles):
+        links = sum(kind == k for kind in made.kinds)
+        bodies = [sweep.visits[k] for sweep in made.sweeps] + ([angle] if angle else [])
+        for name in counts:
+            counts[name] += links * sum(body.operations[name] for body in bodies)
+        turns = links if angle else 0
+        counts["sin"] += turns
+        counts["cos"] += turns
+        counts["total"] += 2 * turns
+    return counts

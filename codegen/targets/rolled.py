@@ -1,0 +1,246 @@
+"""Loops over links as lines of C, one state or LANES of them, and of Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from codegen import text
+from codegen.program import Expression, Kernel, Rolled, Sweep, Visit
+
+
+@dataclass(frozen=True)
+class Block:
+    """A visit as lines: `lines` read and compute, `after` store and hand on."""
+
+    lines: tuple[str, ...]
+    after: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A sweep: `start` are the first values handed on, `blocks` the visits by kind."""
+
+    title: str
+    rising: bool
+    start: tuple[str, ...]
+    blocks: tuple[Block, ...]
+    unused: tuple[str, ...]
+
+    @property
+    def width(self) -> int:
+        """How many values are handed on."""
+        return len(self.start)
+
+
+@dataclass(frozen=True)
+class Index:
+    """Whole numbers by link, as an expression of i; a table where they follow no rule."""
+
+    name: str
+    values: tuple[int, ...]
+
+    @property
+    def rule(self) -> str:
+        """i, or i and a constant; nothing else has one."""
+        first = self.values[0]
+        if set(self.values) == {first} and len(self.values) > 1:
+            return str(first)
+        if any(value != first + i for i, value in enumerate(self.values)):
+            return ""
+        return f"i + {first}" if first else "i"
+
+    def text(self, prefix: str) -> str:
+        """The number of link i."""
+        return self.rule or f"{prefix}{self.name}[i]"
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Numbers as text, row by row; `computed`: (row, column, local) of what parameters make."""
+
+    width: int
+    rows: tuple[str, ...]
+    computed: tuple[tuple[int, int, str], ...]
+
+
+@dataclass(frozen=True)
+class Text:
+    """A rolled kernel in one language."""
+
+    of: Rolled
+    prologue: tuple[str, ...]
+    tables: tuple[Tables, ...]
+    indices: tuple[Index, ...]  # those that need a table
+    row: str
+    angles: tuple[Block | None, ...]
+    loops: tuple[Loop, ...]
+    copies: tuple[Index, Index]
+    at: dict[str, str] = field(default_factory=dict[str, str])
+
+    @property
+    def parametric(self) -> tuple[int, ...]:
+        """The kinds whose tables parameters are in."""
+        return tuple(k for k, table in enumerate(self.tables) if table.computed)
+
+
+def indices(of: Rolled) -> dict[str, Index]:
+    """By what they lead to."""
+    named = {
+        "kind": of.kinds,
+        "row": of.rows,
+        "coordinate": of.coordinates,
+        "velocity": of.velocities,
+        "of": of.of,
+        "to": of.to,
+    }
+    many = max(map(len, of.inputs))
+    inputs = {f"input{k}": tuple(x[k] if k < len(x) else 0 for x in of.inputs) for k in range(many)}
+    return {name: Index(name, tuple(values)) for name, values in (named | inputs).items()}
+
+
+def tables(of: Rolled, language: text.Language) -> tuple[Tables, ...]:
+    """Numbers, and 0 where something is computed."""
+    return tuple(
+        Tables(
+            table.width,
+            tuple(", ".join(_entry(x, language) for x in row) for row in table.rows),
+            tuple(
+                (r, c, text.expression(x, language))
+                for r, row in enumerate(table.rows)
+                for c, x in enumerate(row)
+                if not isinstance(x, float)
+            ),
+        )
+        for table in of.tables
+    )
+
+
+def _entry(x: Expression, language: text.Language) -> str:
+    return text.number(x, language) if isinstance(x, float) else "0.0"
+
+
+def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Sequence[str]) -> Text:
+    """In C. In lanes entry i of an array is LANES numbers side by side."""
+    at = {name: index.text(prefix) for name, index in indices(of).items()}
+    language = text.LANES if lanes else text.C
+    made = tables(of, language)
+    computed = {k for k, table in enumerate(made) if table.computed}
+
+    def entry(array: str, place: str) -> str:
+        return f"{array}[({place}) * LANES + lane]" if lanes else f"{array}[{place}]"
+
+    def source(kind: int, argument: str, index: int) -> str:
+        """What a load reads."""
+        if argument == "k":
+            return entry("k", str(index)) if kind in computed else f"k[{index}]"
+        places = {
+            "q": ("x", at["coordinate"]), "v": ("x", at["velocity"]), "r": ("r", str(index)),
+            "u": ("u", at.get(f"input{index}", "")), "e": ("e", str(index)),
+        }  # fmt: skip
+        return entry(*places[argument])
+
+    def block(kind: int, visit: Visit) -> Block:
+        lines = [
+            f"const double {load.name} = {source(kind, load.argument, load.index)};"
+            for load in visit.loads
+            if load.argument != "t" and (lanes or load.argument != "e")
+        ]
+        if lanes and any(load.argument == "t" for load in visit.loads):
+            lines.insert(0, "const double t = t_[lane];")
+        lines += [
+            f"const double {s.name} = {text.expression(s.value, language)};"
+            for section in visit.sections
+            for s in section.statements
+        ]
+        return Block(tuple(lines), tuple(_after(visit, language, entry, at, lanes)))
+
+    def angle(kind: int, visit: Visit) -> Block:
+        value = text.expression(visit.result or 0.0, language)
+        return Block(block(kind, visit).lines, (value if lanes else f"return {value};",))
+
+    return Text(
+        of=of,
+        prologue=tuple(prologue),
+        tables=made,
+        indices=tuple(x for x in indices(of).values() if not x.rule),
+        row=at["row"],
+        angles=tuple(None if v is None else angle(k, v) for k, v in enumerate(of.angles)),
+        loops=tuple(
+            Loop(
+                sweep.title,
+                sweep.rising,
+                tuple(text.expression(x, language) for x in sweep.start),
+                tuple(block(k, visit) for k, visit in enumerate(sweep.visits)),
+                _unused(sweep),
+            )
+            for sweep in of.sweeps
+        ),
+        copies=(indices(of)["coordinate"], indices(of)["velocity"]),
+        at=at,
+    )
+
+
+def _unused(sweep: Sweep) -> tuple[str, ...]:
+    """Arguments that no visit reads."""
+    read = {load.argument for visit in sweep.visits for load in visit.loads}
+    return tuple(name for name, by in (("t", "t"), ("x", "qv"), ("u", "u")) if not read & set(by))
+
+
+def _after(
+    visit: Visit,
+    language: text.Language,
+    entry: Callable[[str, str], str],
+    at: dict[str, str],
+    lanes: bool,
+) -> Iterator[str]:
+    """What is kept and handed on; nothing is handed on before all of it is known."""
+    for place, value in visit.kept:
+        yield f"{entry('r', str(place))} = {text.expression(value, language)};"
+    if visit.result is not None:
+        yield f"{entry('out', at['velocity'])} = {text.expression(visit.result, language)};"
+    for k, value in enumerate(visit.handed):
+        yield f"const double h{k} = {text.expression(value, language)};"
+    for k in range(len(visit.handed)):
+        yield f"{entry('e', str(k)) if lanes else f'e{k}'} = h{k};"
+
+
+def python_text(of: Rolled, language: text.Language, prologue: tuple[str, ...]) -> Text:
+    """In Python over leading axes: a row is a list of arrays."""
+    names = {"k": "k[{0}]", "q": "q", "v": "v", "u": "u[{0}]", "r": "r[{0}]", "e": "e[{0}]"}
+
+    def block(visit: Visit) -> Block:
+        lines = [
+            f"{load.name} = {names[load.argument].format(load.index)}"
+            for load in visit.loads
+            if load.argument not in "qvt"
+        ]
+        lines += [
+            f"{s.name} = {text.expression(s.value, language)}"
+            for section in visit.sections
+            for s in section.statements
+        ]
+        kept = [f"r[{place}] = {text.expression(x, language)}" for place, x in visit.kept]
+        handed = ", ".join(text.expression(x, language) for x in visit.handed)
+        result = "None" if visit.result is None else text.expression(visit.result, language)
+        return Block((*lines, *kept), (f"return [{handed}], {result}",))
+
+    return Text(
+        of=of,
+        prologue=prologue,
+        tables=tables(of, language),
+        indices=tuple(indices(of).values()),
+        row="",
+        angles=tuple(None if v is None else block(v) for v in of.angles),
+        loops=tuple(
+            Loop(
+                sweep.title,
+                sweep.rising,
+                tuple(text.expression(x, language) for x in sweep.start),
+                tuple(map(block, sweep.visits)),
+                (),
+            )
+            for sweep in of.sweeps
+        ),
+        copies=(indices(of)["coordinate"], indices(of)["velocity"]),
+    )

@@ -1,0 +1,117 @@
+"""Inverse dynamics as a product with the standard parameters, Y π + rest: over the generalized
+velocities, and without multipliers over quasi-velocities, Sᵀ Y π + Sᵀ rest.
+
+They are made when asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import casadi as ca
+
+from derive.formulations.functions import Minimal, Motion, at_motion, per_second
+from derive.formulations.records import Argument, Function, Request, Result
+from derive.mechanics import regressor as mechanics
+from derive.mechanics.records import System
+from derive.mechanics.regressor import parameter_values, parameters
+
+REGRESSOR = "Y, nv × np: inverse_dynamics = Y standard_parameters + regressor_rest, from (q, v, v̇)"
+REST = "what of inverse_dynamics no standard parameter has: springs, forces, given energies"
+REGRESSOR_W = (
+    "Sᵀ Y at v̇ = S ẇ + σ, nw × np: mass_w ẇ + bias_w = Sᵀ Y standard_parameters + "
+    "regressor_rest_w, from (q, w, ẇ)"
+)
+REST_W = "what of mass_w ẇ + bias_w no standard parameter has, from (q, w, ẇ)"
+VALUES = (
+    "π: m, mc and tensor about the origin (xx, xy, yy, xz, yz, zz) of each moving body with what "
+    "is fixed to it, in its frame; dampers, friction, rotors"
+)
+
+
+def regression(system: System, motion: Motion) -> tuple[Request, ...]:
+    """The requests, none where the model has no parameters of the kind; those over w only where
+    the formulation chooses w."""
+    if not parameters(system):
+        return ()
+    return (*_over_v(system), *_over_w(system, motion, motion.minimal))
+
+
+def _over_v(system: System) -> Iterator[Request]:
+    yield Request("standard_parameters", VALUES, lambda: _values(system))
+    yield Request("regressor", REGRESSOR, lambda: _regressor(system))
+    yield Request("regressor_rest", REST, lambda: _rest(system))
+
+
+def _over_w(system: System, motion: Motion, of: Minimal | None) -> Iterator[Request]:
+    if of is None or not motion.names:
+        return
+    yield Request("regressor_w", REGRESSOR_W, lambda: _regressor_w(system, motion, of))
+    yield Request("regressor_rest_w", REST_W, lambda: _rest_w(system, motion, of))
+
+
+def _values(system: System) -> Function:
+    found = parameters(system)
+    names, units = tuple(x.name for x in found), tuple(x.unit for x in found)
+    value = ca.densify(parameter_values(system))
+    return Function("standard_parameters", VALUES, Result("pi", value, names, units))
+
+
+def _regressor(system: System) -> Function:
+    vdot = _rates(tuple(v.name for v in system.model.velocities))
+    value = ca.densify(mechanics.regressor(system, vdot))
+    result = Result("Y", value, _velocities(system), (), matrix=True)
+    return Function("regressor", REGRESSOR, result, x=_with_vdot(system, vdot))
+
+
+def _rest(system: System) -> Function:
+    vdot = _rates(tuple(v.name for v in system.model.velocities))
+    value = ca.densify(mechanics.rest(system, vdot))
+    result = Result("rest", value, _velocities(system), ())
+    return Function("regressor_rest", REST, result, x=_with_vdot(system, vdot))
+
+
+def _regressor_w(system: System, motion: Motion, of: Minimal) -> Function:
+    wdot = _rates(motion.names)
+    Y = mechanics.regressor(system, ca.mtimes(of.S, wdot) + of.sigma)
+    value = ca.densify(ca.mtimes(of.S.T, at_motion(system, motion, Y)))
+    result = Result("Y_w", value, motion.names, (), matrix=True)
+    taken = _with_wdot(system, motion, wdot)
+    return Function("regressor_w", REGRESSOR_W, result, guards=motion.guards, x=taken)
+
+
+def _rest_w(system: System, motion: Motion, of: Minimal) -> Function:
+    wdot = _rates(motion.names)
+    forces = mechanics.rest(system, ca.mtimes(of.S, wdot) + of.sigma)
+    value = ca.densify(ca.mtimes(of.S.T, at_motion(system, motion, forces)))
+    result = Result("rest_w", value, motion.names, ())
+    taken = _with_wdot(system, motion, wdot)
+    return Function("regressor_rest_w", REST_W, result, guards=motion.guards, x=taken)
+
+
+def _rates(names: tuple[str, ...]) -> ca.SX:
+    return ca.vertcat(*[ca.SX.sym(f"d_{name}") for name in names]) if names else ca.SX(0, 1)
+
+
+def _velocities(system: System) -> tuple[str, ...]:
+    return tuple(v.name for v in system.model.velocities)
+
+
+def _with_vdot(system: System, vdot: ca.SX) -> Argument:
+    units = tuple(v.unit for v in system.model.velocities)
+    symbols = ca.vertcat(system.q, system.v, vdot)
+    return _argument(system, _velocities(system), units, symbols)
+
+
+def _with_wdot(system: System, motion: Motion, wdot: ca.SX) -> Argument:
+    symbols = ca.vertcat(system.q, motion.w, wdot)
+    return _argument(system, motion.names, motion.units, symbols)
+
+
+def _argument(
+    system: System, names: tuple[str, ...], units: tuple[str, ...], symbols: ca.SX
+) -> Argument:
+    coordinates = system.model.coordinates
+    labels = (*(c.name for c in coordinates), *names, *(f"der({name})" for name in names))
+    rates = tuple(per_second(unit) for unit in units)
+    return Argument("x", symbols, labels, (*(c.unit for c in coordinates), *units, *rates))

@@ -1,0 +1,290 @@
+"""Inverse dynamics, linear in its parameters: τ = Y(q, v, v̇) π + what no parameter has.
+
+π are the standard inertial parameters of each rigid group of bodies, then the friction and rotors
+that the file has. Of a group whose origin has the acceleration a (gravity taken off) in its frame,
+with U = [ω̇]× + [ω]× [ω]×,
+
+    f = m a + U mc,   n = mc × a + L(ω̇) I + [ω]× L(ω) I
+
+and the column of a generalized velocity that moves it with (ω_s, v_s) is v_s · f + ω_s · n. The
+twist of each velocity is carried down to the group, where the parameters are constant: that takes
+fewer operations than to carry ten wrenches up. (Atkeson, An, Hollerbach 1986; Khalil & Dombre.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import casadi as ca
+
+from derive.diagnostics import AssumptionError
+from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.expressions.tree import Expression
+from derive.joints.rotations import (
+    cross,
+    difference,
+    dot,
+    inverse,
+    matrix,
+    minus,
+    product,
+    rotated,
+    sum_of,
+    transpose,
+)
+from derive.mechanics.accelerations import accelerations
+from derive.mechanics.links import carried, moved
+from derive.mechanics.records import Inertia, Link, Place, System
+from derive.mechanics.system import ideal_system
+from derive.mechanics.tree import path
+from derive.model.load_records import Armature, JointDamper, JointFriction
+from derive.model.records import Load
+
+# in Pinocchio's order: mass, first moment, tensor about the body's origin by columns of its upper
+# triangle
+INERTIAL = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+UNITS = ("kg", *("kg*m",) * 3, *("kg*m^2",) * 6)
+# of the ten those that a planar motion can feel, by its plane
+PLANAR = {"xy": (0, 1, 2, 9), "xz": (0, 1, 3, 6), "yz": (0, 2, 3, 4)}
+
+COEFFICIENTS: dict[type, tuple[str, ...]] = {
+    JointDamper: ("coefficient",),
+    JointFriction: ("viscous", "coulomb"),
+    Armature: ("inertia",),
+}
+
+
+@dataclass(frozen=True)
+class Group:
+    """Bodies that are fixed to each other; parameters are in the frame of `body`, which the joint
+    carries, and about its origin."""
+
+    body: str
+    bodies: tuple[str, ...]
+    place: Place
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One entry of π: an inertial number of a group, or a coefficient of a load."""
+
+    name: str
+    unit: str
+    owner: str  # the group's body, or the load
+    kind: str  # of INERTIAL, or the load's key
+
+
+def groups(system: System) -> tuple[Group, ...]:
+    """The groups that move and have mass or inertia, in the order of the links. What the file says
+    has none stays without."""
+    carriers: dict[int, str] = {}
+    members: dict[int, list[str]] = {}
+    places = dict(system.places)
+    for name, place in system.places:
+        if place.link >= 0:
+            carriers.setdefault(place.link, name)
+            members.setdefault(place.link, []).append(name)
+    return tuple(
+        Group(carriers[i], tuple(members[i]), places[carriers[i]])
+        for i in sorted(carriers)
+        if not _is_massless(system.links[i].inertia)
+    )
+
+
+def _is_massless(x: Inertia) -> bool:
+    numbers = [x.mass, *(entry for row in x.tensor for entry in row)]
+    return all(isinstance(number, float) and number == 0.0 for number in numbers)
+
+
+def parameters(system: System) -> tuple[Parameter, ...]:
+    """The entries of π in order: of each group its ten (in a plane the four it feels), then the
+    coefficients of dampers, friction and rotors in the order of the file."""
+    kept = PLANAR.get(system.model.plane, range(10))
+    inertial = [
+        Parameter(f"{INERTIAL[k]}_{group.body}", UNITS[k], group.body, INERTIAL[k])
+        for group in groups(system)
+        for k in kept
+    ]
+    return (*inertial, *(x for load in system.model.loads for x in _coefficients(system, load)))
+
+
+def _coefficients(system: System, load: Load) -> Iterator[Parameter]:
+    keys = _keys(system, load)
+    for key in keys:
+        name = f"{load.name}_{key}" if len(keys) > 1 else load.name
+        yield Parameter(name, _unit(system, load, key), load.name, key)
+
+
+def _unit(system: System, load: Load, key: str) -> str:
+    velocity = getattr(load, "velocity", "")
+    turns = any(v.name == velocity and v.unit.startswith("rad") for v in system.model.velocities)
+    units = {"coulomb": ("N", "N*m"), "inertia": ("kg", "kg*m^2")}
+    return units.get(key, ("N*s/m", "N*m*s"))[turns]
+
+
+def parameter_values(system: System) -> ca.SX:
+    """π as the model file has it (np × 1), over p."""
+    kept = PLANAR.get(system.model.plane, range(10))
+    values: list[Scalar] = []
+    for group in groups(system):
+        ten = ten_of(_in_body(system.links[group.place.link].inertia, group.place))
+        values += [ten[k] for k in kept]
+    for load in system.model.loads:
+        values += [_value(system, load, key) for key in _keys(system, load)]
+    return ca.vertcat(*values) if values else ca.SX(0, 1)
+
+
+def _keys(system: System, load: Load) -> tuple[str, ...]:
+    return COEFFICIENTS[type(load)] if _is_linear(system, load) else ()
+
+
+def _is_linear(system: System, load: Load) -> bool:
+    """Whether its coefficients are parameters: formulas of the motion are none."""
+    keys = COEFFICIENTS.get(type(load), ())
+    motion = ca.vertcat(system.t, system.q, system.v, system.u)
+    values = [ca.SX(_value(system, load, key)) for key in keys]
+    return bool(keys) and not any(_moves(value, motion, system) for value in values)
+
+
+def _moves(value: ca.SX, motion: ca.SX, system: System) -> bool:
+    return bool(ca.depends_on(value, motion)) or bool(ca.depends_on(value, system.symbols.qd))
+
+
+def _value(system: System, load: Load, key: str) -> Scalar:
+    formula: Expression = getattr(load, key)
+    return system.symbols.scalar(formula)
+
+
+def _in_body(own: Inertia, place: Place) -> Inertia:
+    """Of a link, seen from the body that carries it: their origins are one."""
+    return moved(own, inverse(place.rotation), [0.0, 0.0, 0.0]) if place.rotation else own
+
+
+def ten_of(own: Inertia) -> Vector:
+    """m, mc, tensor in the order of INERTIAL."""
+    return [own.mass, *own.moment, *(own.tensor[i][j] for i, j in ENTRIES)]
+
+
+def inertia_of(ten: Vector) -> Inertia:
+    """The inverse of `ten_of`."""
+    xx, xy, yy, xz, yz, zz = ten[4:]
+    return Inertia(ten[0], list(ten[1:4]), [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def regressor(system: System, vdot: ca.SX) -> ca.SX:
+    """Y (nv × np, sparse) at v̇."""
+    kept = PLANAR.get(system.model.plane, range(10))
+    v = [system.v[j] for j in range(system.v.numel())]
+    rates = [vdot[j] for j in range(vdot.numel())]
+    motions = accelerations(system.links, v, rates, system.gravity)
+    columns: list[ca.SX] = []
+    for group in groups(system):
+        felt = _felt(system, group, motions[group.place.link])
+        columns += [_column(len(v), {j: row[k] for j, row in felt.items()}) for k in kept]
+    columns += [c for load in system.model.loads for c in _of_load(system, load, vdot)]
+    return ca.horzcat(*columns) if columns else ca.SX(len(v), 0)
+
+
+def _column(size: int, entries: dict[int, Scalar]) -> ca.SX:
+    result = ca.SX(size, 1)
+    for j, x in entries.items():
+        if not (isinstance(x, float) and x == 0.0):
+            result[j] = x
+    return ca.sparsify(result)
+
+
+def _felt(
+    system: System, group: Group, motion: tuple[Vector, Vector, Vector, Matrix]
+) -> dict[int, Vector]:
+    """What each generalized velocity feels of the ten parameters: its row of ten."""
+    back = transpose(matrix(group.place.rotation))
+    omega, alpha, a = (rotated(back, x) for x in motion[:3])
+    U = _turned(back, motion[3]) if group.place.rotation else motion[3]
+    moments = _moments(omega, alpha, U)
+    result: dict[int, Vector] = {}
+    for j, (turn, slide) in _twists(system.links, group.place.link):
+        result[j] = _row(rotated(back, turn), rotated(back, slide), a, U, moments)
+    return result
+
+
+def _turned(R: Matrix, U: Matrix) -> Matrix:
+    return product(product(R, U), transpose(R))
+
+
+def _row(turn: Vector, slide: Vector, a: Vector, U: Matrix, moments: Matrix) -> Vector:
+    first = sum_of(rotated(transpose(U), slide), cross(a, turn))
+    return [dot(slide, a), *first, *(dot(turn, column) for column in moments)]
+
+
+def _moments(omega: Vector, alpha: Vector, U: Matrix) -> Matrix:
+    """The moment I ω̇ + ω × I ω of a unit of each of the six entries of I, read off U."""
+    x, y, z = omega
+    xy, xz, yz = dot([x], [y]), dot([x], [z]), dot([y], [z])
+    return [
+        [alpha[0], xz, minus(0.0, xy)],
+        [minus(0.0, U[2][0]), U[2][1], minus(U[0][0], U[1][1])],
+        [minus(0.0, yz), alpha[1], xy],
+        [U[1][0], minus(U[2][2], U[0][0]), minus(0.0, U[1][2])],
+        [minus(U[1][1], U[2][2]), minus(0.0, U[0][1]), U[0][2]],
+        [yz, minus(0.0, xz), alpha[2]],
+    ]
+
+
+def _twists(links: tuple[Link, ...], last: int) -> Iterator[tuple[int, tuple[Vector, Vector]]]:
+    """(ω, v) at the last link's origin, in its frame, per unit of each generalized velocity that
+    moves it."""
+    chain = path(links, last)
+    for depth, i in enumerate(chain):
+        for column, j in zip(links[i].motion, links[i].columns):
+            twist = _at_origin(links[i], (column[:3], column[3:]))
+            for k in chain[depth + 1 :]:
+                twist = _at_origin(links[k], carried(twist, links[k].R, links[k].a))
+            yield j, twist
+
+
+def _at_origin(link: Link, twist: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    """From the joint point to the origin of the link."""
+    return twist[0], difference(twist[1], cross(twist[0], link.b))
+
+
+def _of_load(system: System, load: Load, vdot: ca.SX) -> Iterator[ca.SX]:
+    """The columns of a damper (v), of friction (v and tanh(v/smoothing)), or of a rotor (v̇)."""
+    if not _is_linear(system, load):
+        return
+    along = _direction(system, getattr(load, "velocity", ""))
+    rate = ca.mtimes(along.T, system.v)
+    if isinstance(load, Armature):
+        yield along * ca.mtimes(along.T, vdot)
+        return
+    yield along * rate
+    if isinstance(load, JointFriction):
+        yield along * ca.tanh(rate / system.symbols.scalar(load.smoothing))
+
+
+def _direction(system: System, velocity: str) -> ca.SX:
+    """e with rate = eᵀ v: of a generalized velocity, or of a coordinate whose rate is none."""
+    for j, v in enumerate(system.model.velocities):
+        if v.name == velocity or (v.rate_of and velocity == f"der({v.rate_of})"):
+            return _column(system.v.numel(), {j: ca.SX(1)})
+    name = velocity.removeprefix("der(").removesuffix(")")
+    return ca.sparsify(system.N[system.model.coordinate_index(name), :].T)
+
+
+def rest(system: System, vdot: ca.SX) -> ca.SX:
+    """What inverse dynamics has beside Y π (nv × 1): springs, forces and the energies that a file
+    gives by formula, at u = 0. Raises AssumptionError where forces use reactions: they depend on
+    all of π, and not linearly."""
+    model = system.model
+    others = tuple(load for load in model.loads if not _is_linear(system, load))
+    bare, reacting = ideal_system(replace(model, loads=others), system.constants)
+    if not reacting.is_zero():
+        raise AssumptionError(
+            f"{model.name}: a force uses reactions, so inverse dynamics is not linear in masses",
+            "leave that force out to get a regressor",
+        )
+    own = ca.vertcat(bare.t, bare.q, bare.v, bare.u, bare.p)
+    still = ca.SX.zeros(system.u.numel())
+    value = ca.mtimes(bare.M_extra, vdot) + bare.h_extra - bare.Q
+    return ca.substitute(value, own, ca.vertcat(system.t, system.q, system.v, still, system.p))

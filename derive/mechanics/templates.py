@@ -1,0 +1,92 @@
+"""Joint forces that are alike: one formula for many joints, with constants and inputs in tables.
+
+Two formulas are alike where they differ in numbers, in parameters and in which input stands in
+them. What has neither coordinate nor velocity, input nor time in it counts as one constant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from derive.diagnostics import AssumptionError
+from derive.expressions.instructions import Instruction, listing, run
+from derive.expressions.scalars import Scalar, Vector
+
+Key = tuple[Any, ...]
+CONSTANT: Key = ("constant",)
+Q, V, INPUT, TIME = range(4)  # what a leaf is, besides
+
+
+@dataclass(frozen=True)
+class Formula:
+    """`key` is the same for formulas that are alike; `constants` and `inputs` (entries of u) stand
+    in it from left to right. `joints` are the coordinates and the velocities it takes."""
+
+    key: Key
+    constants: tuple[Scalar, ...] = ()
+    inputs: tuple[int, ...] = ()
+    joints: frozenset[tuple[int, int]] = frozenset()
+
+
+def formulas(values: ca.SX, t: ca.SX, q: ca.SX, v: ca.SX, u: ca.SX, p: ca.SX) -> list[Formula]:
+    """The formula of each entry of a column."""
+    function = ca.Function("forces", [q, v, u, t, p], [ca.densify(values)])
+
+    def entry(argument: int, nonzero: int) -> Formula:
+        """A leaf."""
+        if argument == 4:
+            return Formula(CONSTANT, (p[nonzero],))
+        if argument == INPUT:
+            return Formula((INPUT,), inputs=(nonzero,))
+        joints = frozenset([(argument, nonzero)] if argument != TIME else [])
+        return Formula((argument,), joints=joints)
+
+    return run(listing(function), entry, lambda x: Formula(CONSTANT, (x,)), _operation)[0]
+
+
+def _operation(read: Instruction, operands: list[Formula]) -> Formula:
+    constants = tuple(x for operand in operands for x in operand.constants)
+    if all(operand.key == CONSTANT for operand in operands):
+        return Formula(CONSTANT, (_applied(read.code, constants),))
+    return Formula(
+        (read.code, *(operand.key for operand in operands)),
+        constants,
+        tuple(x for operand in operands for x in operand.inputs),
+        frozenset[tuple[int, int]]().union(*(operand.joints for operand in operands)),
+    )
+
+
+def _applied(code: int, operands: Sequence[Scalar]) -> Scalar:
+    """A float where all operands are floats."""
+    made = (
+        ca.SX.unary(code, operands[0])
+        if len(operands) == 1
+        else ca.SX.binary(code, operands[0], operands[1])
+    )
+    return float(made) if all(isinstance(x, float) for x in operands) else ca.SX(made)
+
+
+def check_own(formula: Formula, coordinate: int, velocity: int, joint: str) -> None:
+    """A joint's force may depend on that joint alone. Raises AssumptionError."""
+    if not formula.joints <= {(Q, coordinate), (V, velocity)}:
+        raise AssumptionError(f"a force at {joint} depends on other joints, too")
+
+
+def written(key: Key, q: ca.SX, v: ca.SX, t: ca.SX, constants: Vector, inputs: Vector) -> Scalar:
+    """The formula over these symbols."""
+    return _written(key, (q, v, t), iter(constants), iter(inputs))
+
+
+def _written(
+    key: Key, of: tuple[ca.SX, ca.SX, ca.SX], constants: Iterator[Scalar], inputs: Iterator[Scalar]
+) -> Scalar:
+    if key == CONSTANT:
+        return next(constants)
+    if len(key) == 1:
+        return next(inputs) if key[0] == INPUT else of[{Q: 0, V: 1, TIME: 2}[key[0]]]
+    operands = [_written(inner, of, constants, inputs) for inner in key[1:]]
+    return _applied(key[0], operands)

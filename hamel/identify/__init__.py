@@ -1,0 +1,2 @@
+"""Parameters from measured motion: which ones a model's motion can tell, motions that tell them,
+and their values."""

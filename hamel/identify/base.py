@@ -1,0 +1,173 @@
+"""Base parameters: the fewest numbers that inverse dynamics depends on, as sums of standard ones.
+
+First by the structure of the tree (derive.mechanics.regrouping), then, where loops, the direction
+of gravity or axes along each other leave less, by a rank-revealing QR decomposition of the
+regressor at random admissible states (Gautier 1991, Numerical calculation of the base inertial
+parameters).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.linalg import qr
+
+from derive.formulations.evaluate import function_of
+from derive.formulations.records import Equations
+from derive.mechanics.regressor import Parameter, parameters
+from derive.mechanics.regrouping import regrouping
+from derive.states.sampling import states
+
+Array = np.ndarray
+VANISHES = 1e-10  # of a coefficient or a column, relative to the largest: what rounding leaves
+DEPENDS = 1e-8  # of a column that is scaled to one: what is left of it by those before it
+STATES = 60  # at least, and enough for three times as many equations as parameters
+ROUND = 1e-9  # a coefficient this near a whole number is one
+
+
+@dataclass(frozen=True)
+class Base:
+    """b = combination · π. `leading`: of each base parameter the standard one it is named after;
+    `sums`: its closed expression."""
+
+    standard: tuple[Parameter, ...]
+    leading: tuple[int, ...]
+    combination: Array  # nb × np
+    basis: Array  # np × nb: Y basis are the columns of b
+    sums: tuple[str, ...]
+    without_effect: tuple[str, ...]
+    by_structure: int  # how many the structure alone leaves
+    kept: float  # the least of the columns that count, scaled to one
+    dropped: float  # the largest of those that do not
+
+
+def regressor_samples(equations: Equations, count: int, seed: int) -> Array:
+    """Sᵀ Y at random admissible states and accelerations, one below the other, each state by the
+    size of its largest entry."""
+    system = equations.system
+    found = states(system, count, seed)
+    function = function_of(equations, equations.request("regressor_w").function)
+    to_state = function_of(equations, "state")
+    rng = np.random.default_rng(seed)
+    frame = () if equations.frame is None else equations.frame.values
+    blocks: list[Array] = []
+    for t, q, v, u, p in zip(found.t, found.q, found.v, found.u, found.p):
+        own = np.concatenate([p, frame])
+        x = to_state(t, np.concatenate([q, v]), u, own).full().ravel()
+        taken = np.concatenate([x, rng.normal(size=len(equations.w))])
+        block = function(t, taken, u, own).full()
+        largest = np.abs(block).max(initial=0.0)
+        if np.isfinite(largest) and largest > 0.0:
+            blocks.append(block / largest)
+    return np.vstack(blocks) if blocks else np.zeros((0, len(parameters(system))))
+
+
+def base_parameters(equations: Equations, seed: int = 0) -> Base:
+    """Those of the model of these equations, over its quasi-velocities."""
+    system = equations.system
+    known, shape = parameters(system), regrouping(system)
+    wanted = max(STATES, 3 * len(known) // max(1, len(equations.w)) + 1)
+    Y = regressor_samples(equations, wanted, seed)
+    at = ca.Function("shape", [system.p], [ca.densify(shape.sums), ca.densify(shape.frames)])
+    sums, frames = (x.full() for x in at(np.array(system.parameters)))
+    Z = Y @ np.linalg.inv(frames)
+    size = np.abs(sums).max(initial=1.0)
+    felt = np.abs(Z).max(axis=0, initial=0.0) > VANISHES
+    rows = np.flatnonzero((np.abs(sums).max(axis=1, initial=0.0) > VANISHES * size) & felt)
+    columns = Z[:, rows]
+    kept, beta, least, most = independent(columns)
+    combination = sums[rows][kept] + beta @ np.delete(sums[rows], kept, axis=0)
+    combination[np.abs(combination) < ROUND * np.abs(combination).max(initial=1.0)] = 0.0
+    text = _texts(shape.sums, rows[kept], beta, combination, known)
+    silent = np.flatnonzero(np.abs(combination).max(axis=0, initial=0.0) == 0.0)
+    return Base(
+        known,
+        _leading(combination, rows[kept]),
+        combination,
+        np.linalg.inv(frames)[:, rows[kept]],
+        text,
+        tuple(known[k].name for k in silent),
+        len(rows),
+        least,
+        most,
+    )
+
+
+def independent(columns: Array) -> tuple[Array, Array, float, float]:
+    """Columns that the others are sums of: their places, β with others = kept β, the least part of
+    a kept column that those before it do not have, and the largest of one that is dropped.
+
+    The rank is told by QR with pivots; which columns stay, by the order they stand in.
+    """
+    lengths = np.linalg.norm(columns, axis=0)
+    scaled = columns / np.where(lengths > 0.0, lengths, 1.0)
+    if not scaled.size:
+        return np.zeros(0, dtype=int), np.zeros((0, columns.shape[1])), 1.0, 0.0
+    found: Any = qr(scaled, mode="r", pivoting=True)
+    R, pivots = found
+    left = np.abs(np.diag(R))
+    rank = int(np.count_nonzero(left > DEPENDS))
+    kept = _in_order(scaled, rank)
+    if len(kept) != rank:
+        kept = np.sort(pivots[:rank])
+    others = np.delete(np.arange(columns.shape[1]), kept)
+    beta = np.linalg.lstsq(scaled[:, kept], scaled[:, others], rcond=None)[0]
+    beta = beta / lengths[kept][:, None] * lengths[others][None, :]
+    beta[np.abs(beta) < ROUND] = 0.0
+    return kept, beta, float(left[:rank].min(initial=1.0)), float(left[rank:].max(initial=0.0))
+
+
+def _in_order(scaled: Array, rank: int) -> Array:
+    """Each column that is no sum of those before it."""
+    basis = np.zeros((len(scaled), 0))
+    kept: list[int] = []
+    for k, column in enumerate(scaled.T):
+        rest = column - basis @ (basis.T @ column)
+        rest = rest - basis @ (basis.T @ rest)
+        size = float(np.linalg.norm(rest))
+        if size > DEPENDS and len(kept) < rank:
+            kept.append(k)
+            basis = np.column_stack([basis, rest / size])
+    return np.array(kept, dtype=int)
+
+
+def _leading(combination: Array, rows: Array) -> tuple[int, ...]:
+    """The standard parameter of the same place, where it is in the sum; else the largest."""
+    return tuple(
+        int(r) if combination[k, r] else int(np.argmax(np.abs(combination[k])))
+        for k, r in enumerate(rows)
+    )
+
+
+def _texts(
+    symbolic: ca.SX, rows: Array, beta: Array, combination: Array, known: tuple[Parameter, ...]
+) -> tuple[str, ...]:
+    """Closed expressions where the structure decides, numbers where the rank did."""
+    texts: list[str] = []
+    for k, row in enumerate(rows):
+        by_rank = bool(np.any(beta[k])) if beta.size else False
+        terms = [
+            _term(_coefficient(symbolic[int(row), j], combination[k, j], by_rank), x.name)
+            for j, x in enumerate(known)
+            if combination[k, j]
+        ]
+        texts.append(" ".join(terms).removeprefix("+ "))
+    return tuple(texts)
+
+
+def _coefficient(symbolic: ca.SX, value: float, by_rank: bool) -> str:
+    if by_rank or symbolic.is_constant():
+        nearest = round(value)
+        return f"{nearest}" if abs(value - nearest) < ROUND else f"{value:.6g}"
+    return re.sub(r"sq\((\w+)\)", r"\1^2", str(symbolic))
+
+
+def _term(coefficient: str, name: str) -> str:
+    negative = coefficient.startswith("-") and " " not in coefficient
+    size = coefficient.removeprefix("-") if negative else coefficient
+    size = "" if size == "1" else f"({size}) " if " " in size else f"{size} "
+    return f"{'-' if negative else '+'} {size}{name}"

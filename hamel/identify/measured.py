@@ -1,0 +1,253 @@
+"""A measured motion: columns of a file become q, w, ẇ and u, filtered where rates are missing.
+
+Zero-phase Butterworth filters take the noise out before anything is differentiated; the equations
+are filtered by the same filter afterwards, so that it does not bias them (Gautier 1997; Swevers et
+al. 2007).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, sosfiltfilt
+
+from derive.diagnostics import ModelError, did_you_mean, listed
+from derive.formulations.evaluate import function_of, slots_of
+from derive.formulations.records import Equations
+from derive.states.closing import Kinematics, closed, nominal
+
+Array = np.ndarray
+ORDER = 4  # of the Butterworth filter, that runs forwards and backwards
+POWER = 0.999  # of the coordinates' power lies below the frequency that the cutoff is taken from
+ABOVE = 5.0  # the cutoff is so many times that frequency
+NYQUIST = 0.4  # and at most this part of the sampling rate
+EVEN = 1e-3  # of a time step: what steps may differ
+LEAST = 20  # rows
+
+
+@dataclass(frozen=True)
+class Filter:
+    """A low-pass filter at `cutoff` (Hz) of samples at `rate` (Hz)."""
+
+    cutoff: float
+    rate: float
+
+    def __call__(self, x: Array) -> Array:
+        sections = butter(ORDER, self.cutoff, fs=self.rate, output="sos")
+        return sosfiltfilt(sections, x, axis=0)
+
+    @property
+    def every(self) -> int:
+        """Of so many rows one is kept: what is left of the noise is then nearly white."""
+        return max(1, int(self.rate / (2.5 * self.cutoff)))
+
+    @property
+    def ends(self) -> int:
+        """Rows at either end that the filter's own ends reach."""
+        return int(2.0 * self.rate / self.cutoff)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Rows of a motion over the quasi-velocities; `filter` None where accelerations were there."""
+
+    t: Array
+    q: Array
+    w: Array
+    wdot: Array
+    u: Array
+    filter: Filter | None
+    notes: tuple[str, ...]
+
+
+def table(file: str | Path) -> dict[str, Array]:
+    """The columns of a CSV file: a line of names, then numbers. Raises ModelError for others."""
+    try:
+        with open(file, encoding="utf-8-sig") as lines:
+            names = [name.strip() for name in lines.readline().strip().split(",")]
+            rows = np.loadtxt(lines, delimiter=",", ndmin=2)
+    except OSError as error:
+        raise ModelError(f"{file} cannot be read: {error.strerror or error}") from None
+    except (ValueError, UnicodeDecodeError) as error:
+        raise ModelError(f"{file}: {error}", "a line of names, then numbers") from None
+    if rows.size == 0 or rows.shape[1] != len(names) or not np.isfinite(rows).all():
+        raise ModelError(
+            f"{file}: {len(names)} names, but other rows", "a finite number below each name"
+        )
+    if len(set(names)) < len(names):
+        raise ModelError(f"{file}: a column is there twice", "a name for each")
+    if len(rows) < LEAST:
+        raise ModelError(f"{file} has {len(rows)} rows", f"{LEAST} or more")
+    return dict(zip(names, rows.T))
+
+
+def measured(equations: Equations, file: str | Path, cutoff: float | None) -> Measured:
+    """The motion of a file. Raises ModelError for columns that are missing, times that do not rise
+    evenly, and positions that the loops cannot be closed at."""
+    model, columns = equations.system.model, table(file)
+    names = [x.name for x in model.coordinates]
+    velocities = [x.name for x in model.velocities]
+    rates = [f"der({name})" for name in velocities]
+    t = _time(file, columns)
+    _check(equations, file, columns)
+    low = None if all(name in columns for name in rates) else _filter(t, columns, names, cutoff)
+    smooth = low or (lambda x: x)
+    q = _positions(equations, t, {n: smooth(columns[n]) for n in names if n in columns}, file)
+    given = {n: smooth(columns[n]) for n in velocities if n in columns}
+    v = _velocities(equations, t, q, given)
+    u = np.column_stack([columns[x.name] for x in model.inputs])
+    w = _speeds(equations, t, q, v, u)
+    if low is None:
+        wdot = _speed_rates(equations, t, q, v, np.column_stack([columns[n] for n in rates]))
+    else:
+        wdot = make_interp_spline(t, w, k=5)(t, 1)
+    known = {"t", *names, *velocities, *rates, *(x.name for x in model.inputs)}
+    return Measured(t, q, w, wdot, u, low, _notes(columns, known, names, velocities, low))
+
+
+def _time(file: str | Path, columns: dict[str, Array]) -> Array:
+    if "t" not in columns:
+        raise ModelError(f"{file} has no column 't'", "the times in seconds")
+    steps = np.diff(columns["t"])
+    if (steps <= 0.0).any() or np.ptp(steps) > 2.0 * EVEN * float(np.mean(steps)):
+        raise ModelError(f"{file}: the times do not rise by even steps", "one sampling rate")
+    return columns["t"]
+
+
+def _check(equations: Equations, file: str | Path, columns: dict[str, Array]) -> None:
+    model = equations.system.model
+    if not model.inputs:
+        raise ModelError(
+            f"{model.name} has no inputs, so nothing says how large the forces were",
+            "inputs: {torque: {joint: NAME}} for every force that was measured",
+        )
+    for item in model.inputs:
+        if item.name not in columns:
+            near = did_you_mean(item.name, columns) or f"it has {listed(list(columns))}"
+            raise ModelError(f"{file} has no column '{item.name}', an input; {near}")
+    wanted = {x.name for x in model.coordinates}
+    if not wanted & {*columns}:
+        raise ModelError(f"{file} has no column of a coordinate", listed(sorted(wanted)))
+
+
+def _filter(t: Array, columns: dict[str, Array], names: Sequence[str], own: float | None) -> Filter:
+    rate = (len(t) - 1) / float(t[-1] - t[0])
+    if own is not None and not 0.0 < own < rate / 2.0:
+        raise ModelError(f"the cutoff is {own:g} Hz", f"less than half of {rate:g} Hz")
+    return Filter(
+        own or _cutoff(np.column_stack([columns[n] for n in names if n in columns]), rate), rate
+    )
+
+
+def _cutoff(q: Array, rate: float) -> float:
+    """From the power of the coordinates: what lies above is noise for the most part."""
+    window = np.hanning(len(q))[:, None]
+    power = np.abs(np.fft.rfft((q - q.mean(axis=0)) * window, axis=0)) ** 2
+    total = power.sum(axis=0)
+    share = np.cumsum(power / np.where(total > 0.0, total, 1.0), axis=0)
+    highest = int(np.max(np.argmax(share > POWER, axis=0)))
+    return min(ABOVE * max(highest, 1) * rate / len(q), NYQUIST * rate)
+
+
+def _positions(equations: Equations, t: Array, given: dict[str, Array], file: str | Path) -> Array:
+    """All coordinates; those that were not measured by closing the loops, row after row."""
+    system = equations.system
+    names = [x.name for x in system.model.coordinates]
+    missing = np.array([name not in given for name in names])
+    if not missing.any():
+        return np.column_stack([given[name] for name in names])
+    start, rows = nominal(system), np.zeros((len(t), len(names)))
+    solver, p = Kinematics(system), np.array(system.parameters)
+    for k, time in enumerate(t):
+        start = np.where(missing, start, [given[n][k] if n in given else 0.0 for n in names])
+        found = closed(solver, float(time), start, p, missing)
+        if found is None:
+            lost = [name for name in names if name not in given]
+            raise ModelError(
+                f"{file}: {listed(lost)} cannot be found at t = {time:g} s", "columns of them"
+            )
+        rows[k] = start = found
+    return rows
+
+
+def _velocities(equations: Equations, t: Array, q: Array, given: dict[str, Array]) -> Array:
+    """Generalized velocities; those that are missing from the rates of the coordinates."""
+    system = equations.system
+    names = [x.name for x in system.model.velocities]
+    if len(given) == len(names):
+        return np.column_stack([given[name] for name in names])
+    rates = make_interp_spline(t, q, k=5)(t, 1)
+    N = Kinematics(system).values(system.N, t, q, _rows(system.parameters, len(t)))
+    v = np.einsum("kij,kj->ki", np.linalg.pinv(N), rates)
+    for j, name in enumerate(names):
+        v[:, j] = given.get(name, v[:, j])
+    return v
+
+
+def _rows(values: Sequence[float], count: int) -> Array:
+    return np.tile(np.array(values, dtype=float), (count, 1))
+
+
+def at_rows(function: ca.Function, t: Array, x: Array, u: Array, p: Sequence[float]) -> Array:
+    """A function of (t, x, u, p) at many rows: rows × r × c."""
+    count, own = len(t), np.array(p, dtype=float)
+    found = function.map(count)(t[None, :], x.T, u.T, np.tile(own[:, None], (1, count))).full()
+    return found.reshape(found.shape[0], count, -1).transpose(1, 0, 2)
+
+
+def parameters_of(equations: Equations) -> tuple[float, ...]:
+    """The parameters of the file, with the usual frame of directions behind them."""
+    return equations.parameters
+
+
+def _speeds(equations: Equations, t: Array, q: Array, v: Array, u: Array) -> Array:
+    """w = B v."""
+    function = function_of(equations, "state")
+    found = at_rows(function, t, np.hstack([q, v]), u, parameters_of(equations))
+    return found[:, q.shape[1] :, 0]
+
+
+def _speed_rates(equations: Equations, t: Array, q: Array, v: Array, vdot: Array) -> Array:
+    """ẇ = B v̇ + Ḃ v."""
+    system = equations.system
+    rate = ca.SX.sym("vdot", system.v.numel())
+    Bv = ca.mtimes(equations.term("B"), system.v)
+    moved = ca.jtimes(Bv, ca.vertcat(system.t, system.q), ca.vertcat(1, system.qdot))
+    value = ca.densify(moved + ca.mtimes(equations.term("B"), rate))
+    slots = slots_of(equations)
+    x = ca.vertcat(system.q, system.v, rate)
+    function = ca.Function("wdot", [slots[0], x, slots[2], slots[3]], [value])
+    none = np.zeros((len(t), system.u.numel()))
+    rows = at_rows(function, t, np.hstack([q, v, vdot]), none, parameters_of(equations))
+    return rows[:, :, 0]
+
+
+def _notes(
+    columns: dict[str, Array],
+    known: set[str],
+    names: Sequence[str],
+    velocities: Sequence[str],
+    low: Filter | None,
+) -> tuple[str, ...]:
+    notes: list[str] = []
+    if low is None:
+        notes.append("accelerations are those of the file; nothing is filtered")
+    else:
+        notes.append(
+            f"filtered forwards and backwards by a Butterworth filter of order {ORDER} at "
+            f"{low.cutoff:.4g} Hz (sampled at {low.rate:.6g} Hz); one equation in {low.every} kept"
+        )
+    closed_ones = [name for name in names if name not in columns]
+    if closed_ones:
+        notes.append(f"found by closing the loops: {listed(closed_ones)}")
+    if any(name not in columns for name in velocities):
+        notes.append("velocities are derivatives of quintic splines through the coordinates")
+    ignored = sorted({*columns} - known)
+    if ignored:
+        notes.append(f"columns that are not used: {listed(ignored)}")
+    return tuple(notes)

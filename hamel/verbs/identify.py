@@ -1,0 +1,243 @@
+"""identify: parameters of a model from measured motion; which ones it can tell, and motions that
+tell them."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations.records import Equations
+from derive.states.closing import nominal
+from hamel.build.files import write_text
+from hamel.build.stages import equations_of
+from hamel.identify.base import Base, base_parameters
+from hamel.identify.excitation import columns, excitation
+from hamel.identify.fit import Fit, fit, own_values, relative
+from hamel.identify.page import page
+from hamel.identify.writing import identified
+from hamel.records import BaseParameter, BaseParameters, Excitation, Identified, StandardParameter
+from hamel.show import table
+from hamel.sweep.needs import library
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+PAGE = "identification.html"
+SOLVER = "clarabel"
+
+
+def base(path: str | PathLike[str], choice: str | None) -> BaseParameters:
+    """Which sums of standard parameters the motion of a model can tell."""
+    equations = _equations(path, choice)
+    found = base_parameters(equations)
+    own = own_values(equations)
+    values = found.combination @ own
+    return BaseParameters(
+        model=equations.system.model.name,
+        standard=len(found.standard),
+        by_structure=found.by_structure,
+        base=tuple(_parameter(found, k, file=float(values[k])) for k in range(len(found.leading))),
+        without_effect=found.without_effect,
+        least_kept=found.kept,
+        largest_dropped=found.dropped,
+    )
+
+
+def _equations(path: str | PathLike[str], choice: str | None) -> Equations:
+    equations = equations_of(path, choice)
+    names = {request.name for request in equations.requests}
+    if "regressor_w" not in names:
+        raise AssumptionError(
+            f"{equations.system.model.name} has no body with a mass that moves, so no standard "
+            "parameters",
+            "bodies and joints in place of `kinetic:`",
+        )
+    return equations
+
+
+def _parameter(found: Base, k: int, **values: float | None) -> BaseParameter:
+    x = found.standard[found.leading[k]]
+    return BaseParameter(x.name, x.unit, found.sums[k], **values)
+
+
+def run(
+    path: str | PathLike[str],
+    data: str | Path,
+    choice: str | None,
+    cutoff: float | None,
+    check: str | Path | None,
+    out: str | Path | None,
+    html: str | Path | None,
+) -> Identified:
+    """The values from a file of measurements, the model with them in `out`, the page in `html`."""
+    solver: Any = None
+    if out is not None or importlib.util.find_spec(SOLVER):
+        solver = library(SOLVER, "physically consistent parameters", "identify")
+    equations = _equations(path, choice)
+    if cutoff is not None and not 0.0 < cutoff < math.inf:
+        raise ModelError(f"the cutoff is {cutoff}", "a frequency in Hz")
+    found = fit(equations, data, cutoff, check, solver)
+    record = _record(found, data, check, out, html)
+    if out is not None:
+        assert found.consistent is not None  # with a solver there are some
+        text = identified(path, equations.system, found.base.standard, found.consistent)
+        write_text(Path(out), text)
+    if html is not None:
+        write_text(Path(html), page(found, record))
+    return record
+
+
+def _record(
+    found: Fit,
+    data: str | Path,
+    check: str | Path | None,
+    out: str | Path | None,
+    html: str | Path | None,
+) -> Identified:
+    own, consistent = found.base.combination @ found.own, found.consistent
+    together = None if consistent is None else found.base.combination @ consistent
+    base = tuple(
+        _parameter(
+            found.base,
+            k,
+            file=float(own[k]),
+            ordinary=float(found.ordinary.values[k]),
+            weighted=float(found.weighted.values[k]),
+            deviation=float(found.weighted.deviations[k]),
+            consistent=None if together is None else float(together[k]),
+        )
+        for k in range(len(found.base.leading))
+    )
+    standard = tuple(
+        StandardParameter(
+            x.name,
+            x.unit,
+            float(found.own[k]),
+            None if consistent is None else float(consistent[k]),
+        )
+        for k, x in enumerate(found.base.standard)
+    )
+    missing = () if consistent is not None else (
+        "no physically consistent values: pip install 'hamel[identify]'",
+    )  # fmt: skip
+    return Identified(
+        model=found.equations.system.model.name,
+        data=Path(data).name,
+        rows=len(found.rows.t),
+        base=base,
+        standard=standard,
+        condition=found.weighted.condition,
+        equations=found.equations.w,
+        noise=tuple(map(float, found.weighted.spread)),
+        residuals=tuple(map(float, relative(found.rows, found.values))),
+        check=None if check is None else Path(check).name,
+        check_residuals=()
+        if found.fresh is None
+        else tuple(map(float, relative(found.fresh, found.values))),
+        notes=(*found.motion.notes, *missing),
+        file=None if out is None else Path(out),
+        page=None if html is None else Path(html),
+    )
+
+
+def excite(
+    path: str | PathLike[str],
+    out: str | Path,
+    period: float,
+    harmonics: int,
+    speed: float | None,
+    rate: float,
+) -> Excitation:
+    """A Fourier series that tells the base parameters, sampled into a file."""
+    for name, value in (("period", period), ("rate", rate), ("harmonics", harmonics)):
+        if not 0.0 < value < math.inf:
+            raise ModelError(f"{name} is {value}", "more than zero")
+    equations = _equations(path, None)
+    found = base_parameters(equations)
+    start = nominal(equations.system)
+    series, condition = excitation(
+        equations, found, start, period, harmonics, math.inf if speed is None else speed
+    )
+    names = [c.name for c in equations.system.model.coordinates]
+    t = np.arange(0.0, period, 1.0 / rate)
+    rows = columns(names, series, t)
+    lines = [
+        ",".join(rows),
+        *(",".join(map(repr, row)) for row in np.column_stack([*rows.values()]).tolist()),
+    ]
+    write_text(Path(out), "\n".join(lines) + "\n")
+    return Excitation(
+        equations.system.model.name, Path(out), period, harmonics, condition, len(found.leading),
+        tuple(map(float, series.middle)), series.a.tolist(), series.b.tolist(),
+    )  # fmt: skip
+
+
+def show(record: BaseParameters | Identified | Excitation, console: Console) -> None:
+    """The values as a table, and what they rest on."""
+    if isinstance(record, BaseParameters):
+        _show_base(record, console)
+    elif isinstance(record, Excitation):
+        console.print(
+            f"{record.model}: a series of {record.harmonics} harmonics, period "
+            f"{record.period:g} s, tells {record.base} base parameters; condition "
+            f"{record.condition:.3g}"
+        )
+        console.print(f"  wrote {record.file}")
+    else:
+        _show_values(record, console)
+
+
+def _show_base(record: BaseParameters, console: Console) -> None:
+    rows = [(x.name, x.unit, f"{x.file:.6g}", x.sum) for x in record.base]
+    table(console, ("base parameter", "unit", "value", "sum of"), rows, right=range(2, 3))
+    left = f", {len(record.base)} by rank" if len(record.base) < record.by_structure else ""
+    console.print(
+        f"{record.model}: {len(record.base)} base parameters of {record.standard} standard ones: "
+        f"{record.by_structure} by structure{left} "
+        f"(least kept {record.least_kept:.2g}, largest dropped {record.largest_dropped:.2g})"
+    )
+    if record.without_effect:
+        console.print(f"  without effect: {', '.join(record.without_effect)}")
+
+
+def _show_values(record: Identified, console: Console) -> None:
+    head = ("base parameter", "unit", "file", "ordinary", "weighted", "deviation", "consistent")
+    rows = [
+        (
+            x.name,
+            x.unit,
+            *(_cell(v) for v in (x.file, x.ordinary, x.weighted, x.deviation, x.consistent)),
+        )
+        for x in record.base
+    ]
+    table(console, head, rows, right=range(2, len(head)))
+    console.print(
+        f"{record.model}: {len(record.base)} base parameters from {record.rows} rows of "
+        f"{record.data}, condition {record.condition:.3g}"
+    )
+    for note in record.notes:
+        console.print(f"  {note}")
+    _show_residuals("left of the forces", record.equations, record.residuals, console)
+    if record.check:
+        about = f"left of those of {record.check}"
+        _show_residuals(about, record.equations, record.check_residuals, console)
+    for place in (record.file, record.page):
+        if place is not None:
+            console.print(f"  wrote {place}")
+
+
+def _show_residuals(
+    about: str, names: tuple[str, ...], values: tuple[float, ...], console: Console
+) -> None:
+    shown = ", ".join(f"{n} {100.0 * x:.2g} %" for n, x in zip(names, values))
+    console.print(f"  {about}: {shown}")
+
+
+def _cell(value: float | None) -> str:
+    return "–" if value is None else f"{value:.5g}"

@@ -1,0 +1,218 @@
+"""Functions of trees as loops over their links: the same numbers as unrolled, code that does not
+grow, and what does not fit says so.
+
+Of codegen.passes: roll.
+Of codegen.targets: rolled.
+Of derive.formulations: rolled.
+Of derive.mechanics: recursion, templates.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import hamel
+from codegen import loader
+from codegen.emit import emit
+from codegen.passes import program
+from codegen.passes.roll import FROM
+from codegen.program import Program, Rolled
+from derive.diagnostics import AssumptionError, VerificationError
+from derive.formulations.records import Equations
+from hamel.build import pipeline, reuse
+from hamel.build.module import published
+from hamel.build.options import BuildOptions
+from hamel.build.stages import equations_of, program_for
+from tests.scenes import MODELS
+from tests.trees import chain, equal_links, tree
+
+DYNAMICS = ("dynamics",)
+CLOSE = 1e-12  # relative; both ways differ by rounding
+
+pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
+
+
+def derived(base: Path, text: str) -> Equations:
+    path = base / ("model.urdf" if text.startswith("<") else "model.yaml")
+    path.write_text(text)
+    return equations_of(path)
+
+
+def loops(made: Program) -> Rolled:
+    of = made.kernel("dynamics").rolled
+    assert of is not None
+    return of
+
+
+def numpy_module(base: Path, made: Program, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The module that runs without a compiler, under a name of its own."""
+    package = f"{made.name}_{'rolled' if made.kernel('dynamics').rolled else 'straight'}"
+    (base / package).mkdir()
+    for name, content in emit(made).items():
+        if name.startswith("_") and name.endswith(".py") and name != "__init__.py":
+            (base / package / name).write_text(content)
+    (base / package / "__init__.py").write_text("")
+    monkeypatch.syspath_prepend(str(base))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    return importlib.import_module(f"{package}._numpy")
+
+
+def states(made: Program, many: int) -> tuple[np.ndarray, ...]:
+    """x, u and p at random, p around its defaults."""
+    rng = np.random.default_rng(1)
+    sizes = {a.name: len(a.names) for a in made.arguments}
+    p = np.array(made.argument("p").defaults) * rng.uniform(0.8, 1.2, (many, sizes["p"]))
+    return rng.normal(size=(many, sizes["x"])), rng.normal(size=(many, sizes["u"])), p
+
+
+@pytest.mark.parametrize("text", [chain(7), tree(), equal_links(6)])
+def test_loops_give_what_straight_code_gives(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    equations = derived(tmp_path, text)
+    found = []
+    for roll in ("always", "never"):
+        made = program(equations, DYNAMICS, roll=roll)
+        assert (made.kernel("dynamics").rolled is not None) == (roll == "always")
+        x, u, p = states(made, 5)
+        found.append(numpy_module(tmp_path, made, monkeypatch).dynamics(0.3, x, u, p))
+    assert np.abs(found[0] - found[1]).max() <= CLOSE * np.abs(found[1]).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", [chain(50), tree(), equal_links(9)])
+def test_compiled_loops_one_by_one_and_in_lanes(text: str, tmp_path: Path) -> None:
+    equations = derived(tmp_path, text)
+    straight = program(equations, DYNAMICS, roll="never")
+    x, u, p = states(straight, 37)  # full groups of lanes, and some left over
+    expected = loader.load(published(straight, tmp_path / "straight").folder).dynamics(0.3, x, u, p)
+    rolled = loader.load(
+        published(program(equations, DYNAMICS, roll="always"), tmp_path / "rolled").folder
+    )
+    alone = np.array([rolled.dynamics(0.3, *row) for row in zip(x, u, p)])
+    size = np.abs(expected).max()
+    assert np.abs(alone - expected).max() <= CLOSE * size
+    assert np.abs(rolled.dynamics(0.3, x, u, p) - expected).max() <= CLOSE * size
+    assert np.abs(rolled.dynamics(0.3, x, u, p[0])[0] - expected[0]).max() <= CLOSE * size
+
+
+def code_without_tables(made: Program) -> str:
+    """The C of the loops; numbers of links and rows of tables taken out."""
+    text = emit(made)[f"{made.name}_dynamics.c"]
+    text = re.sub(r"= \{\n.*?\n\};", "", text, flags=re.DOTALL)
+    return re.sub(r"\b\d+\b", "", text.lower().replace(made.name, ""))
+
+
+@pytest.mark.slow
+def test_code_does_not_grow_with_the_number_of_links(tmp_path: Path) -> None:
+    few, many = (program(derived(tmp_path, chain(n)), DYNAMICS, roll="always") for n in (9, 18))
+    assert code_without_tables(few) == code_without_tables(many)
+    total = [made.kernel("dynamics").operations["total"] for made in (few, many)]
+    assert total[1] == 2 * total[0]
+    assert loops(many).width == loops(few).width <= 15
+
+
+def test_equal_links_share_a_row_and_exact_zeros_are_kept(tmp_path: Path) -> None:
+    made = program(derived(tmp_path, equal_links(20)), DYNAMICS, roll="always")
+    assert sum(len(table.rows) for table in loops(made).tables) <= 3
+    assert made.kernel("dynamics").operations["total"] <= 100 * 20
+
+
+def test_slots_are_used_again(tmp_path: Path) -> None:
+    of = loops(program(derived(tmp_path, tree()), DYNAMICS, roll="always"))
+    assert len([place for place in of.to if place >= 0]) > of.slots == 2
+
+
+@pytest.mark.slow
+def test_bytes_are_the_same_twice(tmp_path: Path) -> None:
+    once, again = (program(derived(tmp_path, tree()), DYNAMICS, roll="always") for _ in range(2))
+    assert emit(once) == emit(again) and once.fingerprint == again.fingerprint
+    assert once.fingerprint != program(derived(tmp_path, tree()), DYNAMICS).fingerprint
+
+
+@pytest.mark.parametrize(
+    ("model", "reason"),
+    [
+        ("four_bar", "constraints"),
+        ("free_body", "degrees of freedom"),
+        ("gear_train", "constraints"),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_name(model: str, reason: str) -> None:
+    equations = equations_of(MODELS / f"{model}.yaml")
+    with pytest.raises(AssumptionError, match=f"dynamics cannot be rolled: .*{reason}"):
+        program(equations, DYNAMICS, roll="always")
+    assert not program(equations, DYNAMICS).rolling
+
+
+def test_a_force_between_joints_keeps_the_unrolled_way_and_says_so(tmp_path: Path) -> None:
+    text = equal_links(FROM) + "  f: {joint: j2}\n"
+    text = text.replace("inputs: {tau: {joint: j1}}\n  f: {joint: j2}\n", "")
+    text += "  c: {type: expression, joint: j1, expression: kk*(q3 - q1)}\n"
+    made = program(derived(tmp_path, text), DYNAMICS)
+    assert made.kernel("dynamics").rolled is None
+    (name, how), *_ = made.rolling
+    assert name == "dynamics" and how.startswith("unrolled: a force at")
+    assert json.loads(emit(made)["manifest.json"])["rolled"] == {name: how}
+
+
+@pytest.mark.slow
+def test_targets_of_straight_code_refuse_loops_or_get_straight_code(tmp_path: Path) -> None:
+    equations = derived(tmp_path, tree())
+    asked = BuildOptions(functions=DYNAMICS, targets=("casadi",), roll="always")
+    with pytest.raises(AssumptionError, match="loop over links"):
+        emit(program_for(equations, asked))
+    assert program_for(equations, replace(asked, roll="auto")).kernel("dynamics").rolled is None
+    with pytest.raises(AssumptionError, match="no recurrences"):
+        program(equations, DYNAMICS, ("taylor",), roll="always")
+    with pytest.raises(AssumptionError, match="header"):
+        program_for(equations, BuildOptions(header=True, roll="always"))
+
+
+def test_small_models_stay_as_they_are(tmp_path: Path) -> None:
+    equations = derived(tmp_path, chain(3))
+    assert program(equations, DYNAMICS) == program(equations, DYNAMICS, roll="never")
+    assert "rolled" not in json.loads(emit(program(equations, DYNAMICS))["manifest.json"])
+
+
+def spoiled(made: Program) -> Program:
+    """One entry of one table, wrong in the sixth digit."""
+    kernel = made.kernel("dynamics")
+    of = loops(made)
+    table = of.tables[0]
+    row = tuple(x * 1.000001 if k == 7 else x for k, x in enumerate(table.rows[3]))  # type: ignore[operator]
+    rows = (*table.rows[:3], row, *table.rows[4:])
+    bad = replace(kernel, rolled=replace(of, tables=(replace(table, rows=rows), *of.tables[1:])))
+    return replace(made, kernels=tuple(bad if k.name == "dynamics" else k for k in made.kernels))
+
+
+@pytest.mark.slow
+def test_a_wrong_entry_of_a_table_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the same build without it goes through, and simulates."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = tmp_path / "chain12.urdf"
+    path.write_text(chain(12))
+    asked = {"functions": ("dynamics", "power"), "roll": "always"}
+    made = hamel.build(path, out=tmp_path / "made", **asked)
+    module = loader.load(made.folder)
+    x = np.zeros(24)
+    motion = module.simulate(np.linspace(0.0, 0.1, 3), x, u=np.zeros(12))
+    assert motion.status == 0
+    usual = pipeline.program_for
+    for where in (reuse, pipeline):
+        monkeypatch.setattr(where, "file_key", lambda *given: None)
+    monkeypatch.setattr(pipeline, "program_for", lambda *given: spoiled(usual(*given)))
+    with pytest.raises(VerificationError, match="module"):
+        hamel.build(path, out=tmp_path / "other", **asked)
+    assert not (tmp_path / "other").exists()

@@ -1,0 +1,182 @@
+"""Base parameters have the counts by the rule of the literature, and noisy motions give them back.
+
+Of derive.mechanics: regrouping.
+Of hamel.identify: base, estimate, excitation, fit, measured, page, writing.
+Of hamel.verbs: identify.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hamel
+from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations import equations
+from derive.formulations.evaluate import function_of
+from derive.model import load, load_text
+from derive.states import system
+from hamel.identify.base import base_parameters
+from hamel.identify.estimate import ordinary, rows_of, weighted
+from hamel.identify.fit import own_values
+from hamel.identify.measured import at_rows, measured
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGE = (ROOT / "docs" / "identification.md").read_text("utf-8")
+PUMA = PAGE.split("```yaml\n")[1].split("```")[0]
+ARM = """
+model: arm
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {l: 0.5 m}
+bodies:
+  upper: {mass: 2 kg, com: [0.2 m, 0.01 m], inertia: 0.04}
+  lower: {mass: 1 kg, com: [0.15 m, -0.02 m], inertia: 0.02}
+joints:
+  A: {type: revolute, parent: ground, child: upper, coordinate: q1, limits: [-2, 2]}
+  B: {type: revolute, parent: upper, child: lower, at: [l, 0], coordinate: q2, limits: [-1, 2]}
+inputs: {tau1: {joint: A}, tau2: {joint: B}}
+loads: {rub: {type: friction, joint: A, viscous: 0.1, coulomb: 0.3 N*m, smoothing: 0.05 rad/s}}
+"""
+
+
+def write(file: Path, names: list[str], rows: np.ndarray) -> None:
+    np.savetxt(file, rows, delimiter=",", header=",".join(names), comments="")
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory):
+    """The model file, and the columns of a motion with forces without noise."""
+    folder = tmp_path_factory.mktemp("arm")
+    model, data = folder / "arm.yaml", folder / "data.csv"
+    model.write_text(ARM)
+    hamel.excitation(model, data, period=5.0, harmonics=3, rate=40.0)
+    rows = np.loadtxt(data, delimiter=",", skiprows=1)
+    names = data.read_text().splitlines()[0].split(",")
+    found = equations(system(load(str(model))))
+    inverse, idle = function_of(found, "inverse_dynamics"), np.zeros((len(rows), 2))
+    tau = at_rows(inverse, rows[:, 0], rows[:, 1:], idle, found.parameters)[:, :, 0]
+    return model, found, [*names, "tau1", "tau2"], np.hstack([rows, tau])
+
+
+@pytest.mark.parametrize("text, count", [(PUMA, 36), (ROOT / "models" / "stanford_arm.yaml", 33)])
+def test_the_base_parameters_of_serial_arms_are_told_by_structure(text, count):
+    """36 of the Puma 560 and 33 of the Stanford arm, inertial parameters alone, the first axis
+    along gravity: 7 of each turning joint and 4 of each sliding one, less 6 of the first."""
+    model = load_text(text) if isinstance(text, str) else load(str(text))
+    found = base_parameters(equations(system(model)))
+    assert (len(found.standard), found.by_structure, len(found.leading)) == (60, count, count)
+    assert found.kept > 1e-3
+
+
+def test_loops_leave_fewer_by_rank():
+    """Eight of the four-bar's twelve inertial ones, and its damper."""
+    found = base_parameters(equations(system(load(str(ROOT / "models" / "four_bar.yaml")))))
+    assert (found.by_structure, len(found.leading)) == (10, 9)
+    assert found.kept > 1e-4 and found.dropped < 1e-12
+
+
+@pytest.mark.slow
+def test_the_stewart_platform_is_told_by_rank():
+    file = ROOT / "models" / "gallery" / "stewart.yaml"
+    found = base_parameters(equations(system(load(str(file)))))
+    assert (len(found.standard), found.by_structure, len(found.leading)) == (130, 76, 70)
+    assert found.kept > 1e-4 and found.dropped < 1e-12
+
+
+def test_the_base_parameters_give_the_same_forces(motion, tmp_path):
+    """Y π = Y_b b at motions that were not used to find them."""
+    _, found, names, rows = motion
+    write(tmp_path / "a.csv", names, rows)
+    base = base_parameters(found)
+    there = rows_of(found, base, measured(found, tmp_path / "a.csv", None))
+    left = there.y - there.A @ (base.combination @ own_values(found))
+    assert np.abs(left).max() < 1e-11
+    assert "mx_upper + l m_lower" in base.sums and "Izz_upper + l^2 m_lower" in base.sums
+
+
+def test_noise_of_one_per_cent_gives_values_within_their_deviations(motion, tmp_path):
+    """Three standard deviations hold 99 % of the values of many draws, both ways of weighting."""
+    _, found, names, rows = motion
+    write(tmp_path / "a.csv", names, rows)
+    rng, base = np.random.default_rng(0), base_parameters(found)
+    wanted = base.combination @ own_values(found)
+    clean = rows_of(found, base, measured(found, tmp_path / "a.csv", None))
+    size = 0.01 * np.sqrt(np.mean(clean.y**2, axis=0))
+    inside = {ordinary: [], weighted: []}
+    for _ in range(60):
+        noisy = type(clean)(clean.t, clean.A, clean.y + size * rng.normal(size=clean.y.shape))
+        for way, hits in inside.items():
+            estimate = way(noisy)
+            hits.extend(np.abs(estimate.values - wanted) < 3.0 * estimate.deviations)
+    assert all(np.mean(hits) >= 0.99 for hits in inside.values())
+
+
+def test_positions_alone_are_filtered_and_predict_another_motion(motion, tmp_path):
+    """Noise on encoders and forces; a motion that was not fitted is predicted to 3 %."""
+    model, _, names, rows = motion
+    rng = np.random.default_rng(1)
+    write(tmp_path / "check.csv", names, rows)
+    noisy = rows[:, [0, 1, 2, -2, -1]].copy()
+    noisy[:, 1:3] += 1e-5 * rng.normal(size=(len(rows), 2))
+    noisy[:, 3:] *= 1.0 + 0.01 * rng.normal(size=(len(rows), 2))
+    data, page = tmp_path / "a.csv", tmp_path / "page.html"
+    write(data, ["t", "q1", "q2", "tau1", "tau2"], noisy)
+    record = hamel.identify(model, data, check=tmp_path / "check.csv", cutoff=8.0, page=page)
+    assert max(record.check_residuals) < 0.03
+    assert any("Butterworth" in note for note in record.notes)
+    assert "<svg" in page.read_text("utf-8")
+
+
+def test_the_written_model_is_physical_and_has_the_values(motion, tmp_path):
+    """Consistent values lie in the cone; those told by the motion are the ones fitted."""
+    pytest.importorskip("clarabel")
+    model, _, names, rows = motion
+    write(tmp_path / "a.csv", names, rows)
+    out = tmp_path / "identified.yaml"
+    record = hamel.identify(model, tmp_path / "a.csv", out=out)
+    assert max(record.residuals) < 1e-4
+    again = hamel.identify(out, tmp_path / "a.csv")
+    for x, y in zip(record.base, again.base):
+        assert x.consistent is not None and y.file is not None
+        assert y.file == pytest.approx(x.consistent, rel=1e-6, abs=1e-9)
+    assert all(x.value is not None and x.value > 0 for x in record.standard if x.name[:2] == "m_")
+
+
+def test_series_keep_the_limits_of_joints(motion):
+    _, _, names, rows = motion
+    q = rows[:, [names.index("q1"), names.index("q2")]]
+    assert (q.max(axis=0) <= 2.0).all() and (q.min(axis=0) >= [-2.0, -1.0]).all()
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda names, rows: (["s", *names[1:]], rows), "no column 't'"),
+        (lambda names, rows: ([*names[:-1], "tau"], rows), "no column 'tau2'"),
+        (lambda names, rows: (names, rows[::-1]), "even steps"),
+        (lambda names, rows: (names, rows[:5]), "5 rows"),
+        (lambda names, rows: (["t", "t", *names[2:]], rows), "there twice"),
+        (lambda names, rows: (names[:-1], rows), "names, but other rows"),
+    ],
+)
+def test_files_that_are_wrong_are_refused(motion, tmp_path, change, message):
+    _, found, names, rows = motion
+    write(tmp_path / "a.csv", *change(names, rows))
+    with pytest.raises(ModelError, match=message):
+        measured(found, tmp_path / "a.csv", None)
+
+
+def test_a_motion_that_tells_nothing_is_refused(motion, tmp_path):
+    """At rest only weights are felt."""
+    _, found, names, rows = motion
+    still = rows.copy()
+    still[:, 1:3], still[:, 3:7] = still[0, 1:3], 0.0
+    write(tmp_path / "a.csv", names, still)
+    with pytest.raises(AssumptionError, match="excite"):
+        ordinary(rows_of(found, base_parameters(found), measured(found, tmp_path / "a.csv", None)))
+
+
+def test_loops_have_no_series(tmp_path):
+    with pytest.raises(AssumptionError, match="trees"):
+        hamel.excitation(ROOT / "models" / "four_bar.yaml", tmp_path / "x.csv")

@@ -1,0 +1,62 @@
+"""Chains and trees of turning and sliding links, as text of URDF files and of models."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+
+AXES = ("1 0 0", "0 1 0", "0 0 1", "0.6 0 0.8")
+
+
+def urdf(name: str, parents: Sequence[int], kinds: Sequence[str], seed: int = 3) -> str:
+    """A robot whose link i hangs on link parents[i] (−1 the base), placed and weighted at random;
+    every third joint is damped."""
+    r = random.Random(seed)
+    parts = [f'<robot name="{name}"><link name="base"/>']
+    for i, (parent, kind) in enumerate(zip(parents, kinds)):
+        com = " ".join(str(r.uniform(-0.1, 0.1)) for _ in range(3))
+        tensor = " ".join(f'{k}="{r.uniform(0.01, 0.02)}"' for k in ("ixx", "iyy", "izz"))
+        place = " ".join(str(r.uniform(-0.3, 0.3)) for _ in range(3))
+        turned = f"{r.uniform(-1, 1)} {r.choice((0, 0.3))} {r.choice((0, 1.5707963267948966))}"
+        damped = f'<dynamics damping="{0.1 + i}"/>' if i % 3 == 0 else ""
+        parts.append(
+            f'<link name="l{i}"><inertial><origin xyz="{com}"/><mass value="{r.uniform(0.5, 2)}"/>'
+            f'<inertia {tensor} ixy="0.001" ixz="-0.0005" iyz="0.0002"/></inertial></link>'
+            f'<joint name="j{i}" type="{kind}"><parent link="{f"l{parent}" if parent >= 0 else "base"}"/>'
+            f'<child link="l{i}"/><origin xyz="{place}" rpy="{turned}"/><axis xyz="{r.choice(AXES)}"/>'
+            f'<limit effort="1" velocity="1" lower="-1" upper="1"/>{damped}</joint>'
+        )
+    return "".join(parts) + "</robot>"
+
+
+def chain(n: int) -> str:
+    """Oblique turning links."""
+    return urdf(f"chain{n}", range(-1, n - 1), ["revolute"] * n)
+
+
+def tree() -> str:
+    """Branches on branches, two roots, turning and sliding, further children of both kinds."""
+    parents = (-1, 0, 1, 1, 3, 0, -1, 6, 6)
+    kinds = ("continuous", "continuous", "prismatic") * 3
+    return urdf("branched", parents, kinds)
+
+
+def equal_links(n: int) -> str:
+    """A planar chain of equal links with a spring and a damper in each joint and one torque; all
+    values are parameters."""
+    lines = [
+        f"model: equal{n}", "plane: xy", "gravity: [0, -9.81 m/s^2]",
+        "parameters: {mm: 1 kg, l: 1 m, kk: 3 N*m/rad, dd: 0.2 N*m*s/rad}", "bodies:",
+        *(f"  b{i}: {{mass: mm, com: [0, -l/2], inertia: mm*l^2/12}}" for i in range(n)),
+        "joints:",
+        *(
+            f"  j{i}: {{type: revolute, parent: {f'b{i - 1}' if i else 'ground'}, child: b{i}, "
+            f"{'at: [0, -l], ' if i else ''}coordinate: q{i}}}"
+            for i in range(n)
+        ),
+        "loads:",
+        *(f"  s{i}: {{type: spring, joint: j{i}, stiffness: kk}}" for i in range(n)),
+        *(f"  d{i}: {{type: damper, joint: j{i}, coefficient: dd}}" for i in range(n)),
+        "inputs: {tau: {joint: j1}}",
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"

@@ -400,6 +400,7 @@ class Program:
     frame: int = field(default=0, repr=False)  # last entries of p: directions that are based anew
     real: Real = field(default=FLOAT64, repr=False)  # what it computes in
     targets: tuple[str, ...] = field(default=(), repr=False)  # on request, besides those of all
+    states: tuple[str, ...] = field(default=(), repr=False)  # first-order states, the last of x
     # functions that are loops over links, or were to be: (name, how or why not)
     rolling: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
@@ -409,12 +410,19 @@ class Program:
         solving = [kernel.solving for kernel in self.kernels if kernel.solving]
         rolled = [kernel.rolled for kernel in self.kernels if kernel.rolled]
         further = (
-            self.charts, self.turning, self.frame, self.events, self.steppers, solving, rolled
+            self.charts, self.turning, self.frame, self.events, self.steppers, solving, rolled,
+            self.states,
         )  # fmt: skip
         several = "".join(repr(more) for more in further if more)
         return hashlib.sha256(
             f"{replace(self, timings=())!r}{several}{self.real.suffix}".encode()
         ).hexdigest()[:32]
+
+    @property
+    def coordinates(self) -> int:
+        """How many of the leading entries of x are coordinates."""
+        behind = len(self.quasi_velocities) + len(self.states)
+        return len(self.argument("x").names) - behind
 
     @property
     def simulates(self) -> bool:

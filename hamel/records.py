@@ -76,6 +76,7 @@ class Checked:
     velocities: tuple[str, ...]
     constraints: tuple[str, ...]
     inputs: tuple[str, ...]
+    states: tuple[str, ...]  # first-order ones
     parameters: tuple[str, ...]
     outputs: tuple[str, ...]
     choices: tuple[str, ...]

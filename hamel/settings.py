@@ -87,7 +87,13 @@ def units(model: Model) -> dict[str, str]:
     """Unit of everything that can be set."""
     units = {
         item.name: item.unit
-        for item in (*model.parameters, *model.inputs, *model.coordinates, *model.velocities)
+        for item in (
+            *model.parameters,
+            *model.inputs,
+            *model.coordinates,
+            *model.velocities,
+            *model.states,
+        )
     }
     rates = {f"der({c.name})": f"{c.unit or 1}/s" for c in model.coordinates}
     return rates | units

@@ -13,7 +13,7 @@ DIGITS = 12  # that are the same on every machine; the constraints hold to as ma
 
 
 def initial(equations: Equations) -> tuple[float, ...]:
-    """x = (q, w) consistent with the constraints at the initial values of the model file, inputs
+    """x = (q, w, z) consistent with the constraints at the initial values of the model file, inputs
     zero; empty where the file has no consistent ones or the equations no function for w."""
     function = equations.function("state") if equations.has("state") else None
     if function is None:
@@ -25,8 +25,7 @@ def initial(equations: Equations) -> tuple[float, ...]:
     slots = {argument.name: argument.symbols for argument in equations.arguments}
     taken = slots["x"] if function.x is None else function.x.symbols
     state = ca.Function("x", [slots["t"], taken, slots["u"], slots["p"]], [function.result.value])
-    moving = np.concatenate([start.q, start.v])
-    x = state(0.0, moving, np.zeros(slots["u"].numel()), np.array(equations.parameters))
+    x = state(0.0, start.whole, np.zeros(slots["u"].numel()), np.array(equations.parameters))
     return tuple(_rounded(np.asarray(x).ravel()))
 
 

@@ -104,7 +104,9 @@ def program(
     ]
     kernels: list[Kernel] = []
     ledger: list[Entry] = []
-    turning = _Turning(len(arguments[1].names) - len(equations.w) if simulates else 0)
+    turning = _Turning(
+        len(arguments[1].names) - len(equations.w) - len(equations.z) if simulates else 0
+    )
     rolling: list[tuple[str, str]] = []
     for source, function in emitted:
         refused = refusal(function, roll, len(source.system.links))
@@ -125,6 +127,7 @@ def program(
         reason=equations.reason,
         pivots=equations.pivots,
         quasi_velocities=equations.w,
+        states=equations.z,
         assumptions=equations.assumptions,
         constants=equations.system.constants,
         fixed=model.fixed,

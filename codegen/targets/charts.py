@@ -21,7 +21,7 @@ def files(program: Program) -> dict[str, str]:
         "program": program,
         "prefix": program.name,
         "PREFIX": program.name.upper(),
-        "nq": len(program.argument("x").names) - len(program.quasi_velocities),
+        "nq": program.coordinates,
         "charts": [(chart, free(identifier(chart.choice))) for chart in program.charts],
         "most": max(1, *(len(chart.largest) for chart in program.charts)),
         "low": LOW,

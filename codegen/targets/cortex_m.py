@@ -33,7 +33,7 @@ def files(program: Program) -> dict[str, str]:
         "nu": len(program.argument("u").names),
         "np": len(program.argument("p").names),
         "nw": len(program.quasi_velocities),
-        "first": _first_rate(program),
+        "first": program.coordinates,
         "start": program.nominal or (0.0,) * len(program.argument("x").names),
         "rows": {kernel.name: _row(program, kernel) for kernel in kernels},
     }
@@ -61,13 +61,6 @@ def controls(program: Program) -> bool:
     return program.has(CONTROL) and program.simulates and not program.charts
 
 
-def _first_rate(program: Program) -> int:
-    """Where the quasi-velocities stand in the state."""
-    labels = program.argument("x").labels
-    rates = program.quasi_velocities
-    return labels.index(rates[0]) if rates and rates[0] in labels else len(labels) - len(rates)
-
-
 def _row(program: Program, kernel: Kernel) -> list[float]:
     """Some arguments (t, x, u, p): the initial state, or numbers where another x is taken."""
     width = len(kernel.x.names)
@@ -80,6 +73,8 @@ def refusal(program: Program) -> str:
     """The boards' floating point is of single precision."""
     if not program.real.words:
         return "a Cortex-M4F computes in float32: build with --real float32"
+    if program.states:
+        return f"its controller and check know no first-order states ({', '.join(program.states)})"
     if not program.kernels:
         return "it has no functions"
     return ""

@@ -29,7 +29,7 @@ def files(program: Program) -> dict[str, str]:
         "rows": pattern.shape[0],
         "columns": pattern.shape[1],
         "entries": list(zip(pattern.rows, pattern.columns)),
-        "nq": len(program.argument("x").names) - len(program.quasi_velocities),
+        "nq": program.coordinates,
         "worn": WORN,
         "guards": _guards(program) if program.frame else {},
     }

@@ -154,7 +154,7 @@ def _data(program: Program) -> dict[str, Any]:
         sizes["guards"] = most
     chosen = [x for name in program.integrators for x in INTEGRATORS if x.name == name]
     has, rows = _parts(program, sizes, chosen), _rows(program, sizes)
-    nq = len(program.argument("x").names) - len(program.quasi_velocities)
+    nq = program.coordinates
     number_of_frame = framed(program) if program.frame else 0
     return {
         "program": program,
@@ -319,7 +319,7 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
     sizes = {kernel.name: kernel.shape[0] for kernel in program.kernels}
     chosen = [x for name in program.integrators for x in INTEGRATORS if x.name == name]
     has, rows = _parts(program, sizes, chosen), _rows(program, sizes)
-    nx, nw = len(program.argument("x").names), len(program.quasi_velocities)
+    nx, nq = len(program.argument("x").names), program.coordinates
     guards = [
         sum(k.name == f"guards{chart.suffix}" and k.shape[0] for k in program.kernels)
         for chart in program.charts
@@ -333,7 +333,7 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
         held = rows["manifold"] - rows["closure"] - rows["slip"]
         blocks.append(("held", held, "the invariants at the start"))
     if has["charts"]:
-        blocks += _coordinates(rows["closure"], rows["slip"], nx - nw, nw)
+        blocks += _coordinates(rows["closure"], rows["slip"], nq, nx - nq)
     if stages := _stages(chosen):
         blocks += [
             ("collocated_t", 0, "the last implicit step, which foretells the next: its start"),
@@ -348,7 +348,7 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
     if program.frame:
         blocks.append(("frame", program.frame, "the frame in force, as at the end of p"))
     if program.turning:
-        blocks.append(("turns", nx - nw, "whole turns that were taken out of each coordinate"))
+        blocks.append(("turns", nq, "whole turns that were taken out of each coordinate"))
     entries = (
         *ENTRIES,
         *(OF_INPUTS if program.argument("u").names else ()),

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, listed
 from derive.enforcement.baumgarte import BAUMGARTE
 from derive.enforcement.charts import PARTITIONING, SELECTIVE, TANGENT
 from derive.enforcement.feedback import FEEDBACK
@@ -31,6 +31,16 @@ ENFORCEMENTS: tuple[Enforcement, ...] = (
 )
 
 
+def misfit(enforcement: Enforcement, found: Equations, options: Options) -> str:
+    """Why an enforcement does not fit some equations, "" where it does."""
+    if found.z and not enforcement.carries_states:
+        return (
+            f"the model has first-order states ({listed(found.z)}), which it does not carry: "
+            "use projection, none, feedback or baumgarte"
+        )
+    return enforcement.refusal(found, options)
+
+
 def kept_equations(
     system: System, choice: str | None, formulation: str, enforcement: Enforcement, options: Options
 ) -> Equations:
@@ -38,7 +48,7 @@ def kept_equations(
     β (Baumgarte), the result another q̇ (feedback) or further functions (invariants). Every chart
     gets the same. Raises AssumptionError where the enforcement does not fit them."""
     found = equations(enforcement.system(system, options), choice, formulation, moving=True)
-    reason = enforcement.refusal(found, options)
+    reason = misfit(enforcement, found, options)
     if reason:
         raise AssumptionError(
             f"{system.model.name}, {formulation}: enforcement '{enforcement.name}' does not "
@@ -48,4 +58,4 @@ def kept_equations(
     return replace(enforcement.equations(found, options), charts=charts)
 
 
-__all__ = ["ENFORCEMENTS", "Enforcement", "Options", "kept_equations", "usual_rate"]
+__all__ = ["ENFORCEMENTS", "Enforcement", "Options", "kept_equations", "misfit", "usual_rate"]

@@ -38,6 +38,7 @@ PARTITIONING = Enforcement(
     level="stages",
     refusal=_refusal,
     needs=_needs,
+    carries_states=False,
 )
 
 SELECTIVE = Enforcement(
@@ -48,6 +49,7 @@ SELECTIVE = Enforcement(
     level="stages",
     refusal=_refusal,
     needs=_needs,
+    carries_states=False,
 )
 
 TANGENT = Enforcement(
@@ -59,4 +61,5 @@ TANGENT = Enforcement(
     level="stages",
     refusal=_refusal,
     needs=_needs,
+    carries_states=False,
 )

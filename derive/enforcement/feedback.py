@@ -33,7 +33,9 @@ def _fed_back(equations: Equations, options: Options) -> Equations:
     shift = (options.alpha or 0.0) * pull.result.value
     dynamics = equations.function("dynamics")
     # only q̇ is changed: ẇ stays that of mechanics, so no force is invented
-    value = dynamics.result.value + ca.vertcat(shift, ca.SX.zeros(len(equations.w)))
+    value = dynamics.result.value + ca.vertcat(
+        shift, ca.SX.zeros(len(equations.w) + len(equations.z))
+    )
     fed = replace(
         dynamics,
         about=f"{dynamics.about}; q̇ pulls φ to zero",

@@ -154,6 +154,7 @@ def _enforcement(name: str, near: str, euclidean: bool) -> Enforcement:
         ),
         equations=lambda found, options: _with_manifold(euclidean, found, options),
         conserves=True,
+        carries_states=False,
     )
 
 

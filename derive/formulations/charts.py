@@ -59,7 +59,7 @@ def _of_one_frame(found: Sequence[Equations]) -> list[Equations]:
     frames = [one.frame for one in found if one.frame is not None]
     if not frames:
         return list(found)
-    frame, parameters = frames[0], found[0].system.parameters
+    frame, parameters = frames[0], found[0].system.own_parameters
     return [
         one
         if one.frame is not None

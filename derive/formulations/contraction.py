@@ -40,7 +40,9 @@ class _Residual:
 
 
 def contractions(system: System, motion: Motion, z: ca.SX, y: ca.SX, dz: ca.SX) -> Iterator[ca.SX]:
-    """y·∂²ẋ [dz] (nz × 1) by every residual there is."""
+    """y·∂²ẋ [dz] (nz × 1) by every residual there is; by none with first-order states."""
+    if system.model.states:
+        return
     for residual in _residuals(system, motion):
         yield _contraction(system, motion, residual, z, y, dz)
 

@@ -17,7 +17,15 @@ from derive.diagnostics import AssumptionError
 from derive.expressions.counting import cheapest
 from derive.expressions.scalars import Vector
 from derive.formulations.distribution import distribution
-from derive.formulations.functions import Minimal, Motion, at_motion, outputs_of, per_second
+from derive.formulations.functions import (
+    Minimal,
+    Motion,
+    at_motion,
+    labels_of_state,
+    outputs_of,
+    per_second,
+    units_of_state,
+)
 from derive.formulations.records import Argument, Function, Request, Result
 from derive.mechanics.coriolis import coriolis_matrix
 from derive.mechanics.records import System
@@ -152,19 +160,16 @@ def _demands(system: System, motion: Motion, of: Minimal, wdot: ca.SX) -> Iterat
 
 
 def _with_rates(system: System, motion: Motion, wdot: ca.SX) -> Argument:
-    """(q, w, ẇ)."""
-    coordinates = system.model.coordinates
+    """(q, w, z, ẇ)."""
     labels = (
-        *(c.name for c in coordinates),
-        *motion.names,
+        *labels_of_state(system, motion),
         *(f"der({name})" for name in motion.names),
     )
     units = (
-        *(c.unit for c in coordinates),
-        *motion.units,
+        *units_of_state(system, motion),
         *(per_second(unit) for unit in motion.units),
     )
-    return Argument("x", ca.vertcat(system.q, motion.w, wdot), labels, units)
+    return Argument("x", ca.vertcat(system.q, motion.w, system.z, wdot), labels, units)
 
 
 def _coriolis(system: System, motion: Motion, of: Minimal) -> Function:
@@ -211,7 +216,7 @@ def _check_coriolis(system: System, of: Minimal) -> None:
 def _outputs_jacobian(system: System, motion: Motion) -> Function:
     outputs = outputs_of(system, motion)
     assert outputs is not None  # else it is not offered
-    x = ca.vertcat(system.q, motion.w)
+    x = ca.vertcat(system.q, motion.w, system.z)
     value = ca.densify(ca.jacobian(outputs.result.value, x))
     result = Result("Jy", value, outputs.result.labels, (), matrix=True)
     return Function("outputs_jacobian", OUTPUTS, result, guards=outputs.guards)

@@ -29,7 +29,7 @@ def based(equations: Equations) -> Equations:
     frame = equations.frame
     if frame is None:
         return equations
-    first = equations.system.p.numel()
+    first = len(equations.system.own_parameters)
     slots = tuple(
         replace(
             slot,
@@ -46,7 +46,7 @@ def based(equations: Equations) -> Equations:
         arguments=slots,
         functions=tuple(_function(function, frame) for function in equations.functions),
         named=_named(equations.named, frame),
-        parameters=equations.system.parameters,
+        parameters=equations.system.own_parameters,
         requests=tuple(_request(request, frame) for request in equations.requests),
         families=tuple(_family(family, frame) for family in equations.families),
         charts=tuple(based(chart) for chart in equations.charts),

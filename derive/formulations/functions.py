@@ -64,26 +64,42 @@ class Motion:
 
 
 def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
-    """The slots t (s), x = (q, w), u and p with labels and SI units. A frame of directions, where
-    the choice has one, stands behind the model's own parameters."""
+    """The slots t (s), x = (q, w, z), u and p with labels and SI units. A frame of directions,
+    where the choice has one, stands behind the model's own parameters."""
     model = system.model
-    free = [x for x in model.parameters if x.name not in system.constants]
+    free = system.given[: len(system.own_parameters)]
     return (
         Argument("t", system.t, ("t",), ("s",)),
         Argument(
             "x",
-            ca.vertcat(system.q, motion.w),
-            (*(c.name for c in model.coordinates), *motion.names),
-            (*(c.unit for c in model.coordinates), *motion.units),
+            ca.vertcat(system.q, motion.w, system.z),
+            labels_of_state(system, motion),
+            units_of_state(system, motion),
         ),
         Argument(
             "u", system.u, tuple(i.name for i in model.inputs), tuple(i.unit for i in model.inputs)
         ),
         with_frame(
-            Argument("p", system.p, tuple(x.name for x in free), tuple(x.unit for x in free)),
+            Argument(
+                "p", system.p[: len(free)], tuple(x.name for x in free), tuple(x.unit for x in free)
+            ),
             motion.frame,
         ),
     )
+
+
+def labels_of_state(system: System, motion: Motion) -> tuple[str, ...]:
+    """Names of the entries of x = (q, w, z)."""
+    model = system.model
+    own = (*(c.name for c in model.coordinates), *motion.names)
+    return (*own, *(x.name for x in model.states))
+
+
+def units_of_state(system: System, motion: Motion) -> tuple[str, ...]:
+    """SI units of the entries of x = (q, w, z)."""
+    model = system.model
+    own = (*(c.unit for c in model.coordinates), *motion.units)
+    return (*own, *(x.unit for x in model.states))
 
 
 def with_frame(p: Argument, frame: Frame | None) -> Argument:
@@ -127,19 +143,17 @@ def at_motion(system: System, motion: Motion, expression: ca.SX) -> ca.SX:
 
 
 def _dynamics(system: System, motion: Motion) -> Function:
-    """ẋ = (q̇, ẇ), guarded by the pivots of v and those that ẇ was divided by."""
-    labels = [f"der({c.name})" for c in system.model.coordinates] + [
-        f"der({name})" for name in motion.names
-    ]
-    units = [per_second(c.unit) for c in system.model.coordinates] + [
-        per_second(u) for u in motion.units
-    ]
-    value = ca.vertcat(motion.qdot, motion.wdot)
+    """ẋ = (q̇, ẇ, ż), guarded by the pivots of v and those that ẇ was divided by."""
+    labels = [f"der({name})" for name in labels_of_state(system, motion)]
+    units = [per_second(unit) for unit in units_of_state(system, motion)]
+    value = ca.vertcat(motion.qdot, motion.wdot, at_motion(system, motion, system.zdot))
     result = Result("xdot", value, tuple(labels), tuple(units))
     about = "state derivative: q̇ = N v, " + (_BASE if motion.projects_velocity else _REDUCED)
+    about += ", ż as the model gives it" if system.model.states else ""
     guards = (*motion.guards, *motion.solving)
     direct = motion.minimal is not None and not guards and is_unit(motion.B)
     other = "" if direct else "its velocities are not those of the joints"
+    other = "it has first-order states" if system.model.states else other
     return Function(
         "dynamics",
         about,
@@ -191,24 +205,34 @@ def _bias(system: System, motion: Motion) -> Function:
 
 
 def _inverse_dynamics(system: System) -> Function:
-    """(q, v, v̇) → M v̇ + h − Q at u = 0: what actuators and constraints have to supply, by
+    """(q, v, z, v̇) → M v̇ + h − Q at u = 0: what actuators and constraints have to supply, by
     Newton–Euler alone."""
     model, nv = system.model, system.v.numel()
     vdot = ca.vertcat(*[ca.SX.sym(f"d_{v.name}") for v in model.velocities]) if nv else ca.SX(0, 1)
     names = tuple(v.name for v in model.velocities)
-    labels = (*(c.name for c in model.coordinates), *names, *(f"der({name})" for name in names))
-    units = (*(c.unit for c in model.coordinates), *(v.unit for v in model.velocities))
+    known = _in_velocities(system)
     taken = Argument(
         "x",
-        ca.vertcat(system.q, system.v, vdot),
-        labels,
-        (*units, *(per_second(v.unit) for v in model.velocities)),
+        ca.vertcat(known.symbols, vdot),
+        (*known.labels, *(f"der({name})" for name in names)),
+        (*known.units, *(per_second(v.unit) for v in model.velocities)),
     )
     # the inputs are what inverse dynamics is asked for; springs, dampers and friction stay
     idle = ca.substitute(system.Q, system.u, ca.SX.zeros(system.u.numel()))
     value = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot) + system.h_extra - idle
-    about = "forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇)"
+    told = "(q, v, z, v̇)" if model.states else "(q, v, v̇)"
+    about = f"forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from {told}"
     return Function("inverse_dynamics", about, Result("tau", value, names, ()), x=taken)
+
+
+def _in_velocities(system: System) -> Argument:
+    """(q, v, z) in the slot of x."""
+    model = system.model
+    moving = (*model.coordinates, *model.velocities, *model.states)
+    symbols = ca.vertcat(system.q, system.v, system.z)
+    return Argument(
+        "x", symbols, tuple(item.name for item in moving), tuple(item.unit for item in moving)
+    )
 
 
 def _used(motion: Motion, expression: ca.SX, system: System) -> tuple[Guard, ...]:
@@ -270,8 +294,9 @@ def _project(system: System, motion: Motion) -> Function | None:
     about = "nearest consistent state: q on φ = 0" + (
         ", v on A v = c" if motion.projects_velocity else ", w kept"
     )
-    labels = (*(c.name for c in system.model.coordinates), *motion.names)
-    step = Result("x", ca.vertcat(_with_unit_quaternions(system, q), w), labels, ())
+    about += ", z kept" if system.model.states else ""
+    closed = ca.vertcat(_with_unit_quaternions(system, q), w, system.z)
+    step = Result("x", closed, labels_of_state(system, motion), ())
     return Function(
         "project",
         about,
@@ -473,12 +498,9 @@ def _velocity(system: System, motion: Motion) -> Function:
 
 
 def _state(system: System, motion: Motion) -> Function:
-    """(q, v) → x: w = B v."""
-    model = system.model
-    labels = (*(c.name for c in model.coordinates), *(v.name for v in model.velocities))
-    units = (*(c.unit for c in model.coordinates), *(v.unit for v in model.velocities))
-    taken = Argument("x", ca.vertcat(system.q, system.v), labels, units)
-    value = ca.vertcat(system.q, ca.mtimes(motion.B, system.v))
-    states = (*(c.name for c in model.coordinates), *motion.names)
-    result = Result("x", value, states, (*(c.unit for c in model.coordinates), *motion.units))
-    return Function("state", "state x = (q, w) from (q, v): w = B v", result, x=taken)
+    """(q, v, z) → x: w = B v."""
+    value = ca.vertcat(system.q, ca.mtimes(motion.B, system.v), system.z)
+    labels, units = labels_of_state(system, motion), units_of_state(system, motion)
+    result = Result("x", value, labels, units)
+    told = "x = (q, w, z) from (q, v, z)" if system.model.states else "x = (q, w) from (q, v)"
+    return Function("state", f"state {told}: w = B v", result, x=_in_velocities(system))

@@ -134,8 +134,8 @@ def speed_rows(equations: Equations) -> ca.SX:
     was made."""
     state = equations.function("state")
     assert state.x is not None
-    nq = equations.system.q.numel()
-    return ca.jacobian(state.result.value[nq:, 0], state.x.symbols[nq:, 0])
+    nq, nv = equations.system.q.numel(), equations.system.v.numel()
+    return ca.jacobian(state.result.value[equations.speeds, 0], state.x.symbols[nq : nq + nv, 0])
 
 
 def _with_jacobian(psi: ca.SX, q: ca.SX) -> ca.SX:

@@ -1,7 +1,8 @@
 """The Equations record: one formulation and one choice of quasi-velocities, as the functions of the
 generated module.
 
-x = (q, w), v = S w + R c. Every function is f(t, x, u, p); arguments it does not use are absent
+x = (q, w, z), v = S w + R c; z are the model's first-order states. Every function is f(t, x, u,
+p); arguments it does not use are absent
 from its expressions and code.
 """
 
@@ -140,7 +141,7 @@ class Family:
 
 @dataclass(frozen=True)
 class Equations:
-    """One formulation and one choice, over t (s), x = (q, w), u, p: everything that a module is
+    """One formulation and one choice, over t (s), x = (q, w, z), u, p: everything that a module is
     generated from, and what derivations and references read.
 
     With `generalized_velocities` x = (q, v) and A v = c is no identity, but a first integral of A
@@ -175,6 +176,13 @@ class Equations:
     ] = ()
     families: tuple[Family, ...] = ()
     frame: Frame | None = None  # the last entries of p: directions that are based anew on the way
+    z: tuple[str, ...] = ()  # names of the first-order states
+
+    @property
+    def speeds(self) -> slice:
+        """Where w stands in x."""
+        first = self.system.q.numel()
+        return slice(first, first + len(self.w))
 
     def function(self, name: str) -> Function:
         """The default function of that name. Raises KeyError where there is none."""

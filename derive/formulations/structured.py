@@ -44,7 +44,10 @@ class Slopes:
 
 
 def by_structure(system: System, motion: Motion) -> Iterator[Slopes]:
-    """Every way there is; none in generalized velocities that multipliers hold together."""
+    """Every way there is; none in generalized velocities that multipliers hold together, and none
+    with first-order states."""
+    if system.model.states:
+        return iter(())
     return (of_tree if _is_tree(system, motion) else of_reduction)(system, motion)
 
 
@@ -273,7 +276,7 @@ def _of_terms(system: System, motion: Motion, terms: _Terms, solve: Solve) -> Sl
 def looped(system: System, motion: Motion) -> Elimination | None:
     """[ẋ ∂ẋ/∂x ∂ẋ/∂u] of a tree with what is solved for left to a loop over the columns; None where
     that is short enough to be written out."""
-    if not _is_tree(system, motion):
+    if not _is_tree(system, motion) or system.model.states:
         return None
     terms = _terms(system, motion, system.inertias[-1])
     by_q = ca.mtimes(matrix_of(terms.moves, system.v.numel()), terms.way) + terms.by_q

@@ -46,8 +46,9 @@ def _slopes(equations: Equations) -> np.ndarray:
     B = ca.Function("B", [system.t, system.q, system.p], [ca.densify(_speed_rows(equations))])
     sampled = states(system, CYCLIC_SAMPLES, seed=1)
     w = [np.asarray(B(0.0, q, p)) @ v for q, v, p in zip(sampled.q, sampled.v, sampled.p)]
-    at = np.hstack([sampled.q, np.array(w).reshape(len(sampled.q), -1)])
-    found = np.abs(evaluator(equations, ca.jacobian(value, x))(at, sampled.u, sampled.p))
+    own, z = np.split(sampled.p, [len(system.own_parameters)], axis=1)
+    at = np.hstack([sampled.q, np.array(w).reshape(len(sampled.q), -1), z])
+    found = np.abs(evaluator(equations, ca.jacobian(value, x))(at, sampled.u, own))
     scale = np.max(found, axis=2, keepdims=True, initial=0.0)
     return np.any(found[:, :, : system.q.numel()] > NOTHING * (LEAST_SCALE + scale), axis=0)
 

@@ -33,7 +33,8 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
 
         δẋ_i = A δx_i + B δu,   δy = C δx_i + D δu,   A = ∂f_i/∂x T,   B = ∂f_i/∂u
 
-    x_i are the n independent coordinates and quasi-velocities, δx = T δx_i with φ_q δq = 0. A (n ×
+    x_i are the n independent coordinates, quasi-velocities and first-order states, δx = T δx_i
+    with φ_q δq = 0. A (n ×
     n), B (n × nu), C (ny × n), D (ny × nu) over (t, x, u, p). Raises AssumptionError for any
     formulation but `quasi_velocities`: the others are not minimal.
     """
@@ -88,7 +89,7 @@ def _pivots(equations: Equations, q: np.ndarray, p: np.ndarray) -> list[tuple[in
     system = equations.system
     rows = position_rows(system)
     function = ca.Function(
-        "rows", [system.t, system.q, system.p], [ca.densify(ca.jacobian(rows, system.q))]
+        "rows", [system.t, system.q, system.own_p], [ca.densify(ca.jacobian(rows, system.q))]
     )
     J = np.asarray(function(0.0, q, p))
     # a small weight makes a column look weak, so that it is taken last as a dependent one
@@ -114,7 +115,7 @@ def pivoted(matrix: np.ndarray, rank: int) -> list[tuple[int, int]]:
 def _spared(equations: Equations) -> list[bool]:
     """Coordinates whose rate is a quasi-velocity: a reader wants to keep those."""
     system, t = equations.system, equations.arguments[0].symbols
-    w = equations.arguments[1].symbols[system.q.numel() :, 0]
+    w = equations.arguments[1].symbols[equations.speeds, 0]
     rates = _value(equations, "dynamics")[: system.q.numel()]
     pattern = ca.jacobian(rates, ca.vertcat(t, system.q, w)).sparsity()
     used: dict[int, list[int]] = {}
@@ -153,7 +154,7 @@ def _tangent(
         for j, value in zip(columns, side):
             T[j, k] = value
     chosen = (
-        ca.Function("pivots", [system.t, system.q, system.p], [ca.vertcat(*found.pivots)])(
+        ca.Function("pivots", [system.t, system.q, system.own_p], [ca.vertcat(*found.pivots)])(
             0.0, q, p
         )
         .full()
@@ -189,7 +190,7 @@ def linearization(equations: Equations) -> Function:
     are chosen at the initial configuration. A guard tells where their pivots come near zero: there
     other coordinates would have to be the dependent ones."""
     initial = initial_state(equations.system)
-    found = linear(equations, initial.q, np.array(equations.system.parameters))
+    found = linear(equations, initial.q, np.array(equations.system.own_parameters))
     value = ca.densify(ca.blockcat([[found.A, found.B], [found.C, found.D]]))
     labels = (*(f"der({name})" for name in found.states), *found.outputs)
     about = f"{ABOUT}; states {', '.join(found.states)}"

@@ -4,7 +4,7 @@ with the exact Jacobian."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -125,8 +125,8 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         function=ca.Function("steady", known, [R, ca.densify(ca.jacobian(R, y))]),
         residual=ca.Function("residual", known, [R]),
         shifts=ca.Function("shifts", known, [ca.densify(ca.jacobian(R, ca.vertcat(p, s)))]),
-        kinematics=Kinematics(system),
-        speeds=ca.Function("B", [system.t, system.q, system.p], [ca.densify(B)]),
+        kinematics=Kinematics(replace(system, p=system.own_p)),
+        speeds=ca.Function("B", [system.t, system.q, system.own_p], [ca.densify(B)]),
         names=tuple(wanted),
         held=ca.Function("held", [p, s], [_column(list(wanted.values()))]),
         scale=scales(system.model).all_of(
@@ -161,6 +161,7 @@ def _quantities(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
         for i, c in enumerate(model.coordinates)
     }
     found |= {v.name: (results["velocity"][i], v.unit) for i, v in enumerate(model.velocities)}
+    found |= {x.name: (system.z[k], x.unit) for k, x in enumerate(model.states)}
     return found | {i.name: (system.u[k], i.unit) for k, i in enumerate(model.inputs)}
 
 
@@ -181,7 +182,7 @@ def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
 
 def _at_rest(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
     """The same motion at rest, where y creeps and rest near it is steady, too; else y."""
-    w = slice(found.equations.system.q.numel(), found.equations.arguments[1].symbols.numel())
+    w = found.equations.speeds
     if not 0 < np.max(np.abs(y[w]), initial=0.0) < CREEPS:
         return y
     still = y.copy()
@@ -226,8 +227,11 @@ def _state(
     found: Problem, given: dict[str, float], q: np.ndarray, v: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
     w = found.speeds(0.0, q, p).full() @ v
+    z = [
+        given.get(x.name, _number(found, x.initial, p)) for x in found.equations.system.model.states
+    ]
     return np.concatenate(
-        [q, w, [given.get(i.name, 0.0) for i in found.equations.system.model.inputs]]
+        [q, w, z, [given.get(i.name, 0.0) for i in found.equations.system.model.inputs]]
     )
 
 

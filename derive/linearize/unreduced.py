@@ -67,6 +67,8 @@ def unreduced(form: Linear, motions: Steady, cyclic: tuple[int, ...]) -> Unreduc
     where neither the base velocities nor the rates q̇ are constant along the motion, or where the
     mass matrix of a long chain is not written out."""
     system = form.equations.system
+    if system.model.states:
+        raise AssumptionError("the multiplier equations here know no first-order states")
     if not system.written:
         raise AssumptionError("the mass matrix of so long a chain is not written out")
     x, u, p = motions.x[0], motions.u[0], motions.p[0]
@@ -260,7 +262,7 @@ def constraint_counts(system: System, q: np.ndarray, p: np.ndarray) -> tuple[int
     ranks: list[int] = []
     for value, columns in zip(values, sizes):
         matrix = (
-            ca.Function("rows", [system.t, system.q, system.p], [ca.densify(value)])(
+            ca.Function("rows", [system.t, system.q, system.own_p], [ca.densify(value)])(
                 0.0, q, p
             ).full()
             * columns

@@ -14,7 +14,7 @@ import casadi as ca
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.records import Rotation
 from derive.mechanics.symbols import Symbols
-from derive.model.records import Model
+from derive.model.records import FirstOrderState, Model, Parameter
 
 
 @dataclass(frozen=True)
@@ -126,8 +126,8 @@ class System:
     q: ca.SX
     v: ca.SX
     u: ca.SX
-    p: ca.SX  # the remaining parameters
-    parameters: tuple[float, ...]  # their defaults
+    p: ca.SX  # the remaining parameters, and behind them z: mechanics takes both as given
+    parameters: tuple[float, ...]  # their defaults, and initial values of z
     qdot: ca.SX  # N v
     N: ca.SX
     M: ca.SX  # all zeros where not `written`
@@ -162,3 +162,21 @@ class System:
     gravity: Vector
     names: tuple[Named, ...]
     assumptions: tuple[str, ...]
+    z: ca.SX  # first-order states
+    zdot: ca.SX  # their rates, of t, q, v, u, p and z
+
+    @property
+    def given(self) -> tuple[Parameter | FirstOrderState, ...]:
+        """What stands in p."""
+        free = (x for x in self.model.parameters if x.name not in self.constants)
+        return (*free, *self.model.states)
+
+    @property
+    def own_p(self) -> ca.SX:
+        """p without the states."""
+        return self.p[: len(self.own_parameters)]
+
+    @property
+    def own_parameters(self) -> tuple[float, ...]:
+        """The defaults without the states."""
+        return self.parameters[: len(self.parameters) - self.z.numel()]

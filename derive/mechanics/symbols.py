@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.expressions.evaluate import Functions, casadi_functions, casadi_tables, value
+from derive.expressions.evaluate import Functions, casadi_functions, casadi_tables, number, value
 from derive.expressions.scalars import Scalar, Vector
 from derive.expressions.tree import Expression, Name, walk
 from derive.model.records import Model
@@ -16,7 +16,8 @@ from derive.model.rows import row_names
 
 @dataclass(frozen=True)
 class Symbols:
-    """t, q, v, u, p as SX columns; `qd` stands for q̇ while formulas are read and is replaced by N
+    """t, q, v, u, p as SX columns, z the first-order states at the end of p; `qd` stands for q̇
+    while formulas are read and is replaced by N
     v afterwards."""
 
     t: ca.SX
@@ -24,6 +25,7 @@ class Symbols:
     v: ca.SX
     u: ca.SX
     p: ca.SX
+    z: ca.SX
     defaults: tuple[float, ...]  # of p
     qd: ca.SX
     names: dict[str, Scalar]
@@ -62,17 +64,22 @@ def symbols(model: Model, constants: Collection[str]) -> Symbols:
     )
     v = _column([x.name for x in model.velocities])
     free = [x for x in model.parameters if x.name not in constants]
-    p = _column([x.name for x in free])
+    z = _column([x.name for x in model.states])
+    p = ca.vertcat(_column([x.name for x in free]), z)
     names: dict[str, Scalar] = {x.name: float(x.value) for x in model.parameters}
     names |= {x.name: p[i] for i, x in enumerate(free)}
     names |= {x.name: q[i] for i, x in enumerate(model.coordinates)}
     names |= {x.name: v[i] for i, x in enumerate(model.velocities)}
     names |= {x.name: u[i] for i, x in enumerate(model.inputs)}
+    names |= {x.name: z[i] for i, x in enumerate(model.states)}
     names["t"] = t
     names |= {f"reaction.{row}": ca.SX.sym(f"reaction_{row}") for row in row_names(model)}
     functions = {**casadi_functions(), **casadi_tables(model.tables)}
     rates: dict[str, Scalar] = {x.name: qd[i] for i, x in enumerate(model.coordinates)}
-    result = Symbols(t, q, v, u, p, tuple(x.value for x in free), qd, names, rates, functions)
+    values = {x.name: x.value for x in model.parameters}
+    starts = [number(x.initial, values) for x in model.states]
+    defaults = (*(x.value for x in free), *starts)
+    result = Symbols(t, q, v, u, p, z, defaults, qd, names, rates, functions)
     define(model, result)
     return result
 

@@ -36,6 +36,7 @@ from derive.mechanics.motion import (
 from derive.mechanics.outputs import outputs
 from derive.mechanics.records import Inertia, Link, RowForm, System
 from derive.mechanics.scene import Block, Scene
+from derive.mechanics.states import energy_of_states, rates_of_states
 from derive.mechanics.symbols import Symbols, symbols
 from derive.mechanics.tree import (
     gravity_energy,
@@ -116,7 +117,10 @@ def _assembled(
         else ca.SX(0, 1)
     )
     T = ca.SX(kinetic_energy(links, numbers)) + extra.T
-    V = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g)) + extra.V + loads.energy
+    lifted = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g))
+    still = lifted + extra.V + loads.energy
+    zdot, stored = rates_of_states(scene), energy_of_states(scene)
+    V = still + stored if model.states else still
     # q̇ is linear in v, so its Jacobian is N itself
     N = ca.jacobian(scene.qdot, s.v)
     # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q
@@ -124,6 +128,8 @@ def _assembled(
     # T₂ − T₀ + V = T + V − (T₁ + 2 T₀): where rates are prescribed T + V is not what is conserved
     energy = T + V if extra.missing.is_zero() else T + V - extra.missing
     power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1)) - extra.explicit
+    if model.states:
+        power = power + ca.jtimes(stored, s.z, zdot)
     measured = outputs(scene)
     result = System(
         model=model,
@@ -164,6 +170,8 @@ def _assembled(
         gravity=g,
         names=(),
         assumptions=model.notes,
+        z=s.z,
+        zdot=zdot,
     )
     return result, nonideal
 

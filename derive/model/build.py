@@ -18,6 +18,7 @@ from derive.model import (
     named_frames,
     paths,
     published,
+    states,
     steady,
     tables,
     ties,
@@ -106,11 +107,17 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
         )
     frames.enter(reader, coordinates, velocities)
     inputs = actuators.inputs(reader, document, velocities)
+    units = states.enter(reader, document)
     named_frames.check_names(reader, document)
     check_collisions(reader, document, Names(parameters, coordinates, velocities, inputs, ()))
     reader.finish()
     return found, Names(
-        parameters, coordinates, velocities, inputs, definitions.definitions(reader, document)
+        parameters,
+        coordinates,
+        velocities,
+        inputs,
+        definitions.definitions(reader, document),
+        units,
     )
 
 
@@ -145,6 +152,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         ),
         loads=_loads(reader, document, joints, names),
         inputs=names.inputs,
+        states=states.states(reader, document, names.states),
         outputs=outputs,
         events=events.events(reader, document, outputs),
         frames=tuple(

@@ -81,6 +81,10 @@ class Model:
         """An actuator, or a name for formulas."""
         return self.add("inputs", name, **keys)
 
+    def state(self, name: str, **keys: Any) -> Model:
+        """A first-order state: a number with a rate."""
+        return self.add("states", name, **keys)
+
     def output(self, name: str, formula: str) -> Model:
         """A formula to be looked at."""
         return self.add("outputs", name, formula)

@@ -14,6 +14,7 @@ def check_collisions(reader: Reader, document: Document, names: Names) -> None:
     places = [("parameter", p.name, p.span) for p in names.parameters]
     places += [("coordinate", c.name, c.span) for c in names.coordinates]
     places += [("input", u.name, u.span) for u in names.inputs]
+    places += [("state", str(key), key.span) for key in document.states]
     places += [("definition", str(key), key.span) for key in document.where]
     places += [("velocity", v.name, v.span) for v in names.velocities if not v.rate_of]
     _check_distinct(reader, places)

@@ -496,6 +496,20 @@ class InputEntry(Entry):
     about: Formula | None = Field(None, description="What it is, for readers.")
 
 
+class StateEntry(Entry):
+    """A number with a first-order equation of its own: a current, a pressure, an activation."""
+
+    rate: Formula = Field(
+        description="Its rate: a formula of t, coordinates, velocities, inputs and states."
+    )
+    initial: Formula | None = Field(None, description="Its value at t = 0; 0 when left out.")
+    unit: Formula | None = Field(None, description="Its unit; that of `initial` when left out.")
+    energy: Formula | None = Field(
+        None, description="Energy that it stores, of states and parameters."
+    )
+    about: Formula | None = Field(None, description="What it is, for readers.")
+
+
 Parameter = Annotated[
     Annotated[Formula, Tag("<a number>")] | Annotated[ParameterEntry, Tag("<a mapping>")],
     _kind(**{"a number": _is_scalar, "a mapping": _is_mapping}),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import listed
@@ -45,6 +46,7 @@ class Names:
     velocities: tuple[Velocity, ...]
     inputs: tuple[Input, ...]
     definitions: tuple[tuple[str, Expression], ...]
+    states: Mapping[str, str] = field(default_factory=dict[str, str])  # units by name
 
     def coordinate(self, name: str | None) -> Coordinate | None:
         """The coordinate of that name; None where there is none."""
@@ -52,9 +54,9 @@ class Names:
         return by_name.get(name)
 
     def unit(self, name: str) -> str:
-        """Of the coordinate or generalized velocity of that name, else ""."""
+        """Of the coordinate, generalized velocity or state of that name, else ""."""
         units = {x.name: x.unit for x in (*self.velocities, *self.coordinates)}
-        return units.get(name, "")
+        return units.get(name, "") or self.states.get(name, "")
 
 
 def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:

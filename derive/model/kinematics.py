@@ -23,7 +23,7 @@ from derive.expressions.tree import ONE, ZERO, Call, Expression, Name
 from derive.expressions.units import LENGTH, NUMBER, TIME, quotient_of
 from derive.model.algebra import minus, negated, plus, times
 from derive.model.records import GROUND, Measure, Vector3
-from derive.model.scope import COORDINATE, PARAMETER, VELOCITY, Scope, Symbol
+from derive.model.scope import COORDINATE, PARAMETER, STATE, VELOCITY, Scope, Symbol
 from derive.model.space import ORIGIN, Space, normalised
 
 WORDS = re.compile(rf"\b(?:{'|'.join(KINEMATIC_FUNCTIONS)})\s*\(|\bder\s*\(")
@@ -280,6 +280,13 @@ class Rewriting:
             return node  # reported when names are looked up
         if symbol.kinds == frozenset({PARAMETER}):
             return ZERO
+        if STATE in symbol.kinds:
+            raise self._fault(
+                f"der() of the state '{node.name}'",
+                node,
+                "coordinates and t",
+                "a rate that needs rates of states, its own or others', is no explicit equation",
+            )
         if symbol.kinds == frozenset({COORDINATE}):
             return tree.Rate(node.name, node.at)
         kind = min(symbol.kinds)

@@ -11,7 +11,7 @@ from derive.model.records import Model, Span
 
 SHARP = {"step": 1, "ramp": 1, "clip": 3, "piecewise": 32}  # arguments without a width
 SWITCHING = SHARP | {"sign": 1, "abs": 1, "min": 16, "max": 16}
-MOVING = ("definitions", "constraints", "loads", "kinetic", "potential")
+MOVING = ("definitions", "constraints", "loads", "states", "kinetic", "potential")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from derive.model.kinematics import speaks_of_motion
 from derive.model.names import identifier
 from derive.model.reader import UNREAD, WITH_KINEMATICS, Reader
 from derive.model.records import CHOICE_KINDS, Choice, InitialValue, Output, Span
-from derive.model.scope import ANYTHING, COORDINATE, INPUT, PARAMETER, ROW, VELOCITY
+from derive.model.scope import ANYTHING, COORDINATE, INPUT, PARAMETER, ROW, STATE, VELOCITY
 from derive.model.shape import Document
 from derive.model.space import ORIGIN
 
@@ -177,7 +177,7 @@ def state_name(reader: Reader, key: Key, inputs: bool = False) -> str | None:
     scalar = Scalar(str(key), key.span, True, True)
     scope = reader.scope
     kinds: tuple[frozenset[str], ...] = tuple(
-        frozenset({kind}) for kind in (COORDINATE, VELOCITY, *((INPUT,) if inputs else ()))
+        frozenset({kind}) for kind in (COORDINATE, VELOCITY, *((INPUT, STATE) if inputs else ()))
     )
     try:
         node = expression(scalar.text)
@@ -190,6 +190,9 @@ def state_name(reader: Reader, key: Key, inputs: bool = False) -> str | None:
             return f"der({scope.resolved(node, ROW, '', str(key)).name})"  # type: ignore[union-attr]
         name = f"der({scope.aliases[node.name]})" if node.name in scope.aliases else node.name
         if name not in known:
+            if name in scope.of_kind(STATE):
+                message = f"the initial value of the state '{key}'"
+                raise FormulaError(message, str(key), 0, "`initial:` of its entry under `states:`")
             message = (
                 f"'{key}' is not a coordinate or velocity"
                 if name in scope.symbols

@@ -216,6 +216,21 @@ class Input:
 
 
 @dataclass(frozen=True)
+class FirstOrderState:
+    """A number that follows a first-order equation of its own, ż = `rate`: a current, a pressure,
+    an activation. `initial` is of parameters; `energy` (J), of parameters and states, is what it
+    stores."""
+
+    name: str
+    rate: Expression
+    initial: Expression
+    energy: Expression | None
+    unit: str
+    about: str
+    span: Span
+
+
+@dataclass(frozen=True)
 class Output:
     """`expression` is a scalar, or a Call of position/velocity/angle/reaction with the body or
     constraint as a Name."""
@@ -359,6 +374,7 @@ class Model:
     paths: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     tables: tuple[Table, ...] = ()
+    states: tuple[FirstOrderState, ...] = ()  # in the order of z
     sources: tuple[tuple[str, str], ...] = ()  # name and text of the files it refers to
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[

@@ -25,7 +25,7 @@ from derive.model.repetition import WORDS, with_called
 SECTIONS = (
     "parameters", "where", "tables", "bodies", "joints", "closures", "frames", "paths",
     "constraints",
-    "loads", "inputs", "outputs", "events",
+    "loads", "inputs", "states", "outputs", "events",
 )  # fmt: skip
 # what a whole says for all its parts
 OF_THE_WHOLE = frozenset(

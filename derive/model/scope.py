@@ -20,11 +20,12 @@ PARAMETER, COORDINATE, VELOCITY, INPUT, TIME = (
     "time",
 )
 REACTION = "a reaction"
+STATE = "a state"
 CONSTANT = frozenset({PARAMETER})
 POSITION = frozenset({PARAMETER, COORDINATE, TIME})
 ROW = frozenset({PARAMETER, COORDINATE, VELOCITY})
 MOTION = POSITION | {VELOCITY}
-ANYTHING = MOTION | {INPUT}
+ANYTHING = MOTION | {INPUT, STATE}
 NONIDEAL = ANYTHING | {REACTION}
 
 
@@ -156,6 +157,14 @@ class Scope:
     def _check_rate(self, node: tree.Rate, allowed: frozenset[str], where: str, text: str) -> None:
         known = self.coordinates()
         at = text.find(node.name, node.at + 3) if node.name in text[node.at + 3 :] else node.at
+        if node.name in self.of_kind(STATE):
+            raise FormulaError(
+                f"der() of the state '{node.name}'",
+                text,
+                at,
+                "the formula under its `rate:`",
+                "a rate that needs rates of states, its own or others', is no explicit equation",
+            )
         if node.name in self.symbols and node.name not in known:
             raise FormulaError(
                 f"der() of '{node.name}', which is not a coordinate", text, at, listed(known)
@@ -210,6 +219,7 @@ def _allowed_words(allowed: frozenset[str]) -> str:
         COORDINATE: "coordinates",
         VELOCITY: "velocities",
         INPUT: "inputs",
+        STATE: "states",
         TIME: "t",
         REACTION: "reactions",
     }

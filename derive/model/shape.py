@@ -30,6 +30,7 @@ from derive.model.entries import (
     Parameter,
     Point,
     ReferenceEntry,
+    StateEntry,
     TableEntry,
     WaypointEntry,
 )
@@ -115,6 +116,11 @@ class Document(Entry):
         {}, description="Springs, dampers, forces, torques and force laws."
     )
     inputs: dict[Name, InputEntry] = Field({}, description="Actuators.")
+    states: dict[Name, StateEntry] = Field(
+        {},
+        description="First-order states: numbers whose rates are formulas, which loads, outputs, "
+        "events and other rates may use.",
+    )
     outputs: dict[Name, Formula] = Field(
         {},
         description="Formulas, position(body, point), velocity(body, point), angle(body), "

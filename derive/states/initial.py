@@ -21,11 +21,17 @@ from derive.states.scales import scaled, scales
 
 @dataclass(frozen=True)
 class Initial:
-    """`moved`: held names that had to move, with (given, used)."""
+    """`moved`: held names that had to move, with (given, used); z are the first-order states."""
 
     q: np.ndarray
     v: np.ndarray
     moved: tuple[tuple[str, float, float], ...]
+    z: np.ndarray
+
+    @property
+    def whole(self) -> np.ndarray:
+        """(q, v, z), which the function `state` makes x of."""
+        return np.concatenate([self.q, self.v, self.z])
 
 
 @refuses_numerically("the initial state")
@@ -40,9 +46,10 @@ def initial_state(
 
     q on φ(q, t) = 0 first, as A and N depend on it; then the v on A v = c nearest to guesses and
     held rates. Both are solved in the model's own units and given in SI. `changes` overrides values
-    by name and holds them. Raises ModelError where no consistent state is found.
+    by name and holds them; `p` may leave out the states at its end. Raises ModelError where no
+    consistent state is found.
     """
-    parameters = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
+    parameters = _with_states(system, changes or {}, p)
     told, held = _start_values(system, changes or {}, parameters, t)
     own = own_units(system, t)
     given = {name: x / own.one_of(name) for name, x in told.items()}
@@ -57,7 +64,19 @@ def initial_state(
     ]
     found = tuple((n, told[n], float(used[n] * own.one_of(n))) for n in moved)
     sizes = [np.array([own.one_of(name) for name in names]) for names in (coordinates, velocities)]
-    return Initial(q * sizes[0], v * sizes[1], found)
+    z = parameters[len(parameters) - system.z.numel() :]
+    return Initial(q * sizes[0], v * sizes[1], found, z)
+
+
+def _with_states(system: System, changes: Mapping[str, float], p: np.ndarray | None) -> np.ndarray:
+    """p with the initial states at its end: those of `changes`, else those of the file."""
+    given = np.array(system.parameters) if p is None else np.asarray(p, dtype=float)
+    own = given[: len(system.own_parameters)]
+    names = {x.name: x.value for x in system.model.parameters}
+    names |= {x.name: float(value) for x, value in zip(system.given, own)}
+    states = system.model.states
+    z = [changes[x.name] if x.name in changes else number(x.initial, names) for x in states]
+    return np.concatenate([own, z])
 
 
 @dataclass(frozen=True)
@@ -80,7 +99,7 @@ def own_units(system: System, t: float) -> Own:
     own, model = scales(system.model), system.model
     units = {x.name: own.of(x.unit) for x in (*model.coordinates, *model.velocities)}
     units |= {f"der({c.name})": own.of(c.unit) / own.time for c in model.coordinates}
-    parameters = own.all_of(x.unit for x in model.parameters if x.name not in system.constants)
+    parameters = own.all_of(x.unit for x in system.given)
     whole = system if own.plain else scaled(system, own)
     return Own(whole, units, parameters, t / own.time)
 
@@ -103,13 +122,10 @@ def _start_values(
     system: System, changes: Mapping[str, float], p: np.ndarray, t: float
 ) -> tuple[dict[str, float], set[str]]:
     names = {x.name: x.value for x in system.model.parameters} | {"t": t}
-    names |= dict(
-        zip(
-            [x.name for x in system.model.parameters if x.name not in system.constants],
-            map(float, p),
-        )
-    )
-    given = {x.name: number(x.value, names) for x in system.model.initial} | dict(changes)
+    names |= dict(zip([x.name for x in system.given], map(float, p)))
+    states = {x.name for x in system.model.states}
+    changes = {name: value for name, value in changes.items() if name not in states}
+    given = {x.name: number(x.value, names) for x in system.model.initial} | changes
     return given, {x.name for x in system.model.initial if x.held} | set(changes)
 
 

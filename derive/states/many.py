@@ -29,11 +29,13 @@ SOLVED = 1e-13  # relative residual up to which the normal equations have solved
 
 @dataclass(frozen=True)
 class Starts:
-    """q (k, nq) and v (k, nv) in SI. `closed`: rows that satisfy the constraints; `moved`: those
+    """q (k, nq), v (k, nv) and first-order states z (k, nz) in SI. `closed`: rows that satisfy the
+    constraints; `moved`: those
     where a held value had to give way."""
 
     q: np.ndarray
     v: np.ndarray
+    z: np.ndarray
     closed: np.ndarray
     moved: np.ndarray
 
@@ -58,25 +60,39 @@ class Starter:
     positions: ca.Function | None  # (t, q, p) → φ, ∂φ/∂q; None where there is no φ
     rows: ca.Function  # (t, q, p) → A, c
     rates: ca.Function | None  # (t, q, p) → N; None where it is one
+    states: tuple[str, ...] = ()
+    charges: ca.Function | None = None  # p → initial values of the states, in SI
 
     def __call__(self, values: Mapping[str, np.ndarray], p: np.ndarray) -> Starts:
         """The states of k motions: `values` (k,) by name in SI, parameters p (k, np)."""
         k = len(p)
         given = self._given(p)
-        given |= {n: np.broadcast_to(each, k) / self.one_of(n) for n, each in values.items()}
+        given |= {
+            n: np.broadcast_to(each, k) / self.one_of(n)
+            for n, each in values.items()
+            if n not in self.states
+        }
         here, t = p / self.parameters, np.full(k, self.own_t)
         q, closed = self._positions(t, given, here)
         v, agrees = self._velocities(t, given, q, here)
         moved = self._moved(given, q, v, self._rates(t, q, v, here))
         sizes = np.array([self.one_of(name) for name in self.coordinates])
         speeds = np.array([self.one_of(name) for name in self.velocities])
-        return Starts(q * sizes, v * speeds, closed & agrees, moved)
+        return Starts(q * sizes, v * speeds, self._charged(values, p), closed & agrees, moved)
 
     def one_of(self, name: str) -> float:
         """One of the model's own units of that quantity, in SI; 1 where the name is not known."""
         return self.units.get(name, 1.0)
 
     # ---- steps
+
+    def _charged(self, values: Mapping[str, np.ndarray], p: np.ndarray) -> np.ndarray:
+        """The first-order states: those that are held, else what the file says."""
+        z = np.zeros((len(p), 0)) if self.charges is None else self.charges(p.T).full().T
+        for k, name in enumerate(self.states):
+            if name in values:
+                z[:, k] = values[name]
+        return z
 
     def _given(self, p: np.ndarray) -> dict[str, np.ndarray]:
         if not self.initial:
@@ -181,11 +197,12 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
     """For held values of `names` at time t (s). Raises ModelError for a name that is none of an
     initial value."""
     model, own = system.model, own_units(system, t)
-    strange = [name for name in names if name not in own.units]
+    states = tuple(x.name for x in model.states)
+    strange = [name for name in names if name not in own.units and name not in states]
     if strange:
         raise ModelError(f"'{strange[0]}' is no initial value of {model.name}")
     s = own.system
-    place = [s.t, s.q, s.p]
+    place = [s.t, s.q, s.own_p]
     unmoved = s.N.is_square() and bool((s.N - ca.SX.eye(s.N.size1())).is_zero())
     slopes = ca.jacobian(s.phi, s.q)
     return Starter(
@@ -198,12 +215,21 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
         t=t,
         own_t=own.t,
         units=own.units,
-        parameters=own.parameters,
+        parameters=own.parameters[: len(system.own_parameters)],
         formulas=_formulas(system),
         positions=ca.Function("phi", place, [s.phi, slopes]) if s.phi.numel() else None,
         rows=ca.Function("rows", place, [s.A, s.c]),
         rates=None if unmoved else ca.Function("rates", place, [s.N]),
+        states=states,
+        charges=_charges(system) if states else None,
     )
+
+
+def _charges(system: System) -> ca.Function:
+    """p → the initial values of first-order states, in SI."""
+    names, functions = system.symbols.names, system.symbols.functions
+    found = [ca.SX(value(x.initial, names, {}, functions)) for x in system.model.states]
+    return ca.Function("charges", [system.own_p], [ca.densify(ca.vertcat(*found))])
 
 
 def _formulas(system: System) -> ca.Function:
@@ -211,7 +237,7 @@ def _formulas(system: System) -> ca.Function:
     names = {**system.symbols.names, "t": system.t}
     found = [value(x.value, names, {}, system.symbols.functions) for x in system.model.initial]
     column = ca.vertcat(*map(ca.SX, found)) if found else ca.SX(0, 1)
-    return ca.Function("initial", [system.t, system.p], [ca.densify(column)])
+    return ca.Function("initial", [system.t, system.own_p], [ca.densify(column)])
 
 
 def matrices(
@@ -312,4 +338,4 @@ def least_of_bodies(system: System) -> ca.Function:
                 continue
             found.append(ca.SX(value(formula, names, {}, casadi_functions())))
     column = ca.vertcat(*found) if found else ca.SX.ones(1)
-    return ca.Function("bodies", [system.p], [ca.densify(column)])
+    return ca.Function("bodies", [system.own_p], [ca.densify(column)])

@@ -79,7 +79,7 @@ def states(
         model.coordinates,
         model.velocities,
         model.inputs,
-        [x for x in model.parameters if x.name not in system.constants],
+        system.given,
     )
     columns = zip((found.q, found.v, found.u, found.p), units)
     return States(
@@ -127,11 +127,14 @@ def _times(system: System, rng: np.random.Generator, many: int) -> np.ndarray:
 
 
 def _parameters(system: System, rng: np.random.Generator, many: int, vary: float) -> np.ndarray:
-    """The first are the file's own."""
+    """The first are the file's own. First-order states, at the end, differ everywhere."""
     usual = np.array(system.parameters, dtype=float)
     varied = usual * (1 + vary * rng.uniform(-1, 1, (many, len(usual))))
     # one state at least with the mechanism as the file has it
     varied[:1] = usual
+    if count := system.z.numel():
+        around = 0.5 + np.abs(usual[-count:]) / 2
+        varied[:, -count:] = usual[-count:] + around * rng.uniform(-1, 1, (many, count))
     return varied
 
 

@@ -102,7 +102,7 @@ def scaled(system: System, own: Scales) -> System:
     model = system.model
     units = {x.name: x.unit for x in (*model.coordinates, *model.velocities)}
     q, v = (own.all_of(x.unit for x in items) for items in (model.coordinates, model.velocities))
-    p = own.all_of(x.unit for x in model.parameters if x.name not in system.constants)
+    p = own.all_of(x.unit for x in system.given)
     values = {x.name: x.value for x in model.parameters} | {"t": 0.0}
     start = tuple(
         replace(x, value=tree.Number(number(x.value, values) / own.of(units.get(x.name, "rad/s"))))

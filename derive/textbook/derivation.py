@@ -21,6 +21,7 @@ from derive.textbook.outputs import outputs
 from derive.textbook.records import Document, Math, Text
 from derive.textbook.roads import Road
 from derive.textbook.routes import roads_of, write_roads
+from derive.textbook.states import first_order_states
 from derive.textbook.worked import with_numbers
 
 REFERENCES = (
@@ -95,6 +96,7 @@ def references(doc: Manuscript) -> None:
 FIRST: tuple[Callable[[Manuscript], None], ...] = (
     given,
     coordinates,
+    first_order_states,
     links,
     energies,
     constraints,

@@ -31,6 +31,8 @@ def _potential(doc: Manuscript) -> None:
         doc.say("There is no potential energy.")
         return
     origin = " of gravity and springs" if system.links else ""
+    if any(state.energy is not None for state in system.model.states):
+        origin = " of gravity, springs and first-order states"
     doc.say(f"The potential energy{origin} is:")
     doc.scalar("V", "V", system.V, "potential energy", "J")
 
@@ -103,4 +105,5 @@ def _energy_rate(doc: Manuscript) -> ca.SX:
     """d(T + V)/dt, or that of Jacobi's integral, with v̇ from the equations."""
     s = doc.system
     at_rest = ca.jtimes(s.energy, ca.vertcat(s.t, s.q), ca.vertcat(1, s.qdot))
-    return at_rest + ca.jtimes(s.energy, s.v, doc.terms.vdot)
+    moving = at_rest + ca.jtimes(s.energy, s.v, doc.terms.vdot)
+    return moving + ca.jtimes(s.energy, s.z, s.zdot) if s.model.states else moving

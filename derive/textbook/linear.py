@@ -32,7 +32,7 @@ class _SteadyMotion:
 
     def latex(self, place: int) -> str:
         """What an entry of x is called."""
-        symbols = [*self.doc.q, *self.doc.w]
+        symbols = [*self.doc.q, *self.doc.w, *self.doc.z]
         return self.doc.notation.latex[symbols[place]]
 
     @property

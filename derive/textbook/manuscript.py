@@ -82,6 +82,7 @@ class Manuscript:
         self.notation = Notation(self.terms, extra)
         self.q, self.v = self.notation.q, self.notation.v  # symbols, in the order of the arrays
         self.w, self.u = self.notation.w, self.notation.u
+        self.z = self.notation.z
         self.typesetter = Typesetter(self.notation.latex, len(self.notation.p))
         self.reader = self.notation.reader()
         self.entries: dict[str, Rows] = {}

@@ -39,6 +39,7 @@ class Notation:
         model = terms.system.model
         self._given = dict(model.symbols)
         self.p = [self._declared(name) for name in self._free_parameters()]
+        self.z = self.p[len(self.p) - len(model.states) :]
         self.q = [self._declared(c.name) for c in model.coordinates]
         self.v = [self._symbol(x.name, self._velocity(x)) for x in model.velocities]
         self.w = self._quasi_velocities()
@@ -58,8 +59,8 @@ class Notation:
         return Gravity(self.fresh("g", "g"), value, others)
 
     def _free_parameters(self) -> list[str]:
-        system = self.terms.system
-        return [x.name for x in system.model.parameters if x.name not in system.constants]
+        """And, behind them, the first-order states."""
+        return [x.name for x in self.terms.system.given]
 
     def _quasi_velocities(self) -> list[sympy.Symbol]:
         """Of w; a speed that is one generalized velocity shares its symbol."""

@@ -44,15 +44,15 @@ class Terms:
 
     @property
     def w(self) -> ca.SX:
-        """The symbols of the quasi-velocities: what follows q in x."""
-        return self.equations.argument("x").symbols[self.system.q.numel() :, 0]
+        """The symbols of the quasi-velocities: what follows q in x, before first-order states."""
+        return self.equations.argument("x").symbols[self.equations.speeds, 0]
 
     @cached_property
     def wdot(self) -> ca.SX:
         """ẇ, as `dynamics` computes it."""
         dynamics = self.function("dynamics")
         assert dynamics is not None  # every formulation has it
-        return dynamics.result.value[self.system.q.numel() :, 0]
+        return dynamics.result.value[self.equations.speeds, 0]
 
     @cached_property
     def vdot(self) -> ca.SX:

@@ -24,7 +24,7 @@ def with_numbers(document: Document, equations: Equations) -> Document:
     except HamelError:  # whoever simulates is told why
         return document
     values = [ca.vec(ca.densify(formula.value).T) for formula in document.printed]
-    x = equations.argument("x").symbols[system.q.numel() :, 0]
+    x = equations.argument("x").symbols[equations.speeds, 0]
     if equations.generalized_velocities:
         w, free = ca.SX(0, 1), ca.SX(0, 1)
     else:

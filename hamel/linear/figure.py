@@ -98,8 +98,8 @@ def projection(system: System) -> np.ndarray:
 
 def _gravity(system: System) -> np.ndarray:
     """At the parameters of the file, m/s²."""
-    function = ca.Function("g", [system.p], [ca.vertcat(*system.gravity)])
-    return function(list(system.parameters)).full().ravel()
+    function = ca.Function("g", [system.own_p], [ca.vertcat(*system.gravity)])
+    return function(list(system.own_parameters)).full().ravel()
 
 
 def moving(study: Study, mode: Mode) -> str:
@@ -109,7 +109,7 @@ def moving(study: Study, mode: Mode) -> str:
     polylines = lines(system)
     if not polylines:
         return ""
-    function = ca.Function("lines", [system.q, system.p], polylines)
+    function = ca.Function("lines", [system.q, system.own_p], polylines)
     view, p, q = projection(system), motions.p[0], motions.x[0, : system.q.numel()]
 
     def seen(q: np.ndarray) -> list[np.ndarray]:

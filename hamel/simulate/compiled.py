@@ -294,7 +294,9 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
     if not system.rows:
         return error
     survey = survey_of(system)
-    A = survey.solver.velocities(problem.t, problem.initial.q, problem.p)[0]
+    A = survey.solver.velocities(
+        problem.t, problem.initial.q, np.append(problem.p, problem.initial.z)
+    )[0]
     repeats = dependent_rows(system, A, survey.kept) if np.isfinite(A).all() else ""
     if not repeats:
         return error
@@ -308,7 +310,7 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
 def _others(problem: Problem, equations: Equations) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
     system = problem.system
-    alone = equations.generalized_velocities or equations.charts
+    alone = equations.generalized_velocities or equations.charts or equations.z
     if not system.rows or alone or problem.enforcement.level not in ("none", "steps"):
         return []
     names = dict.fromkeys((*(choice.name for choice in system.model.choices), "orthonormal"))

@@ -89,14 +89,16 @@ def _title(equations: Equations) -> str:
 
 
 def _groups(source: Source, simulation: Simulation) -> dict[str, Columns]:
-    """Coordinates, quasi-velocities, inputs that change, outputs: what is drawn, by name."""
+    """Coordinates, quasi-velocities, first-order states, inputs that change, outputs: what is
+    drawn, by name."""
     equations = source.equations
-    nq = equations.system.q.numel()
+    w = equations.speeds
     labels = equations.argument("x").labels
     x, fed = simulation.x.T, simulation.u
     return {
-        "coordinates": dict(zip(labels[:nq], x[:nq])),
-        "quasi-velocities": dict(zip(labels[nq:], x[nq:])),
+        "coordinates": dict(zip(labels[: w.start], x[: w.start])),
+        "quasi-velocities": dict(zip(labels[w], x[w])),
+        "states": dict(zip(labels[w.stop :], x[w.stop :])),
         "inputs": {} if fed is None else dict(zip(source.module.inputs, fed.astype(float).T)),
         "outputs": _labelled(source, simulation, "outputs"),
     }
@@ -124,6 +126,7 @@ def _columns(source: Source, simulation: Simulation, groups: Mapping[str, Column
         **groups["coordinates"],
         **groups["quasi-velocities"],
         **_labelled(source, simulation, "velocity"),
+        **groups["states"],
         **groups["inputs"],
         **groups["outputs"],
     }

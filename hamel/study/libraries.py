@@ -47,7 +47,7 @@ def _row(
     span: float,
     rtol: float,
 ) -> dict[str, Any]:
-    x = module.state(0.0, np.concatenate([begin.initial.q, begin.initial.v]), begin.u, begin.p)
+    x = module.state(0.0, begin.initial.whole, begin.u, begin.p)
     times = np.array([0.0, span])
     problem = Problem(
         module, equations, times, x, begin.u, begin.p, rtol, rtol / 100, compiled=True

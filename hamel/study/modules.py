@@ -13,7 +13,14 @@ import numpy as np
 from codegen.integrators import INTEGRATORS
 from codegen.passes.taylor import SERIES, series_refusal
 from derive.diagnostics import AssumptionError
-from derive.enforcement import ENFORCEMENTS, Enforcement, Options, kept_equations, usual_rate
+from derive.enforcement import (
+    ENFORCEMENTS,
+    Enforcement,
+    Options,
+    kept_equations,
+    misfit,
+    usual_rate,
+)
 from derive.formulations import equations
 from derive.formulations.evaluate import function_of
 from derive.formulations.records import Equations
@@ -69,7 +76,7 @@ def module(
     plain = plain_equations(begin, unit)
     alpha = _rate(begin, plain, span) if unit["own"] else None
     options = Options(alpha, (), tuple(begin.u), tuple(begin.p))
-    refused = {each.name: each.refusal(plain, options) for each in _candidates(unit)}
+    refused = {each.name: misfit(each, plain, options) for each in _candidates(unit)}
     fitting = [each for each in _candidates(unit) if not refused[each.name]]
     if not fitting:
         raise AssumptionError("; ".join(refused.values()))
@@ -127,6 +134,4 @@ def _rate(begin: Start, plain: Equations, span: float) -> float:
 def first_state(begin: Start, equations: Equations) -> np.ndarray:
     """x at the start, by the equations' own function."""
     state = function_of(equations, "state")
-    return np.asarray(
-        state(0.0, np.concatenate([begin.initial.q, begin.initial.v]), begin.u, begin.p)
-    ).ravel()
+    return np.asarray(state(0.0, begin.initial.whole, begin.u, begin.p)).ravel()

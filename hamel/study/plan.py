@@ -184,14 +184,14 @@ def _speeds(system: System, equations: Equations, rng: np.random.Generator) -> n
     function = equations.function("state")
     assert function.x is not None
     made = ca.Function(
-        "w", [system.t, function.x.symbols, system.p], [ca.densify(function.result.value)]
+        "w", [system.t, function.x.symbols, system.own_p], [ca.densify(function.result.value)]
     )
-    s = survey_of(system).sampled
+    s, own = survey_of(system).sampled, len(system.own_parameters)
     rows = [
-        np.asarray(made(t, np.concatenate([q, v]), p)).ravel()
+        np.asarray(made(t, np.concatenate([q, v, p[own:]]), p[:own])).ravel()
         for t, q, v, p in zip(s.t[:3], s.q, s.v, s.p)
     ]
-    return np.array(rows)[:, system.q.numel() :]
+    return np.array(rows)[:, equations.speeds]
 
 
 def runs(

@@ -186,7 +186,7 @@ def _unfinished(module: ModuleType, refusal: FloatingPointError, watch: Watch) -
 
 
 def _state(module: ModuleType, begin: Start) -> np.ndarray:
-    return module.state(0.0, np.concatenate([begin.initial.q, begin.initial.v]), begin.u, begin.p)
+    return module.state(0.0, begin.initial.whole, begin.u, begin.p)
 
 
 def track(

@@ -86,7 +86,7 @@ def _motions(
     x = np.full((count, module.nx), np.nan)
     good = np.flatnonzero(status == 0)
     if len(good):
-        qv = np.hstack([starts.q[good], starts.v[good]])
+        qv = np.hstack([starts.q[good], starts.v[good], starts.z[good]])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             x[good] = module.state(work.times[0], qv, u[good], p[good])

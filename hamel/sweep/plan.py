@@ -161,7 +161,8 @@ def _names(system: System) -> Names:
             outputs[name] = output.unit
     energies = {"T": "J", "V": "J", "work": "J"}
     every = {**known, **outputs, **energies, "t": "s"}
-    states = (*(c.name for c in model.coordinates), *(v.name for v in model.velocities))
+    moving = (*model.coordinates, *model.velocities, *model.states)
+    states = tuple(item.name for item in moving)
     return Names(every, states, ("T", "V"), tuple(event.name for event in model.events))
 
 

@@ -47,6 +47,7 @@ def run(path: str | PathLike[str]) -> Checked:
         velocities=tuple(velocity.name for velocity in model.velocities),
         constraints=tuple(row.name for row in mechanics.rows),
         inputs=tuple(given.name for given in model.inputs),
+        states=tuple(state.name for state in model.states),
         parameters=tuple(parameter.name for parameter in model.parameters),
         outputs=tuple(output.name for output in model.outputs),
         choices=tuple(usable),
@@ -75,6 +76,8 @@ def show(record: Checked, console: Console) -> None:
     had to move."""
     velocities = counted(len(record.velocities), "velocity", "velocities")
     size = f"{velocities}, {counted(len(record.constraints), 'constraint')} of rank {record.rank}"
+    if record.states:
+        size += f", {counted(len(record.states), 'first-order state')}"
     freedom = f"{counted(record.degrees_of_freedom, 'degree')} of freedom"
     console.print(f"{record.model}: ok, {size}, {freedom}; choices {', '.join(record.choices)}")
     for assumption in record.assumptions:

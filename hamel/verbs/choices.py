@@ -82,10 +82,11 @@ def measured(mechanics: System, choice: str) -> float:
     found = equations(mechanics, choice)
     sampled = states(mechanics, 20)
     with temporary_module(found, functions=("dynamics", "state")) as module:
-        qv = np.hstack([sampled.q, sampled.v])
+        p, z = np.split(sampled.p, [len(mechanics.own_parameters)], axis=1)
+        qv = np.hstack([sampled.q, sampled.v, z])
         rows = np.resize(np.arange(len(sampled.t)), BATCH)
-        x = np.array([module.state(*row) for row in zip(sampled.t, qv, sampled.u, sampled.p)])[rows]
-        t, u, p = sampled.t[rows], sampled.u[rows], sampled.p[rows]
+        x = np.array([module.state(*row) for row in zip(sampled.t, qv, sampled.u, p)])[rows]
+        t, u, p = sampled.t[rows], sampled.u[rows], p[rows]
         return min(_seconds(lambda: module.dynamics(t, x, u, p)) for _ in range(20)) / BATCH * 1e9
 
 

@@ -84,6 +84,9 @@ def _named(path: str | PathLike[str]) -> dict[str, tuple[Known, ...]]:
             Known(i.name, _line(f"{i.velocity or 'used in formulas'}, {i.unit}", i.about))
             for i in model.inputs
         ),
+        "states": (
+            Known(s.name, _line(f"first order, {s.unit or 'plain'}", s.about)) for s in model.states
+        ),
         "outputs": (Known(o.name, _line(o.text, o.unit)) for o in model.outputs),
         "coordinates": (Known(c.name, c.unit) for c in model.coordinates),
         "velocities": (Known(v.name, v.unit) for v in model.velocities),

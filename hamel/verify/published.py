@@ -48,8 +48,8 @@ def _values_at(seen: Evaluator, module: ModuleType, entry: Published) -> dict[st
 def _state(seen: Evaluator, module: ModuleType, time: float, rtol: float) -> Array:
     """x at the time."""
     system = seen.equations.system
-    start, u, p = initial_state(system), np.zeros(system.u.numel()), np.array(system.parameters)
-    x = module.state(0.0, np.concatenate([start.q, start.v]), u, p)
+    start, u, p = initial_state(system), np.zeros(system.u.numel()), np.array(system.own_parameters)
+    x = module.state(0.0, start.whole, u, p)
     if time == 0.0:
         return np.array(x)
     times = np.array([0.0, time])
@@ -70,7 +70,7 @@ def _state(seen: Evaluator, module: ModuleType, time: float, rtol: float) -> Arr
 def _values(seen: Evaluator, entry: Published, x: Array) -> dict[str, float]:
     """Everything that can be quoted, by name."""
     system, results = seen.equations.system, {f.name: f.result for f in seen.equations.functions}
-    place = (entry.time, x, np.zeros(system.u.numel()), np.array(system.parameters))
+    place = (entry.time, x, np.zeros(system.u.numel()), np.array(system.own_parameters))
     found = dict(zip((c.name for c in system.model.coordinates), x))
     names = [v.name for v in system.model.velocities]
     qdot = seen("dynamics", *place)[: system.q.numel()]

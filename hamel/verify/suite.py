@@ -125,7 +125,7 @@ def _region(seen: Evidence) -> tuple[tuple[str, float, float], ...]:
         "t",
         *(
             x.name
-            for items in (model.coordinates, model.velocities, model.inputs, free)
+            for items in (model.coordinates, model.velocities, model.states, model.inputs, free)
             for x in items
         ),
     ]
@@ -138,9 +138,9 @@ def _region(seen: Evidence) -> tuple[tuple[str, float, float], ...]:
 
 
 def _without_roundoff(seen: Evidence, s: Sample) -> Array:
-    """(q, v), zero where roundoff is all that is left of an entry."""
-    values = np.concatenate([s.q, s.v])
-    return np.where(np.abs(values) < NOTHING * seen.units.both, 0.0, values)
+    """(q, v, z), zero where roundoff is all that is left of an entry."""
+    values = s.whole
+    return np.where(np.abs(values) < NOTHING * seen.units.whole, 0.0, values)
 
 
 def results(seen: Evidence, checks: Sequence[Check] = CHECKS) -> tuple[CheckResult, ...]:

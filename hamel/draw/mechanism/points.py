@@ -122,7 +122,7 @@ def bonds(system: System, points: Sequence[Loose], first: int, q: Vector, p: Vec
     """At q, t = 0; the point number k is carried by the body first + k."""
     if not points or not system.phi.numel():
         return Bonds()
-    inputs = [system.t, system.q, system.p]
+    inputs = [system.t, system.q, system.own_p]
     value = ca.Function("phi", inputs, [system.phi, ca.jacobian(system.phi, system.q)])
     pattern = np.array(ca.jacobian(system.phi, system.q).sparsity().get_triplet()).T
     rods: list[Shape] = []
@@ -182,7 +182,7 @@ def _rod(
     if not set(columns) <= set(own):
         return None
     hessian, gradient = ca.hessian(system.phi[index], system.q)
-    numbers = ca.Function("rod", [system.t, system.q, system.p], [hessian, gradient])
+    numbers = ca.Function("rod", [system.t, system.q, system.own_p], [hessian, gradient])
     H, g = (np.asarray(ca.densify(x)) for x in numbers(0.0, q, p))
     H, g = H[np.ix_(own, own)], g.ravel()[own]
     n = len(own) // len(owners)

@@ -45,7 +45,7 @@ class Bodies:
             entries.append(ca.vertcat(*R[0], *R[1], *R[2], *r))
         s = self.system
         entries += [_point(s.q, x) for x in self.loose] + [_needle(s.q, x) for x in self.dials]
-        return ca.Function("poses", [s.t, s.q, s.p], [ca.densify(ca.vertcat(*entries))])
+        return ca.Function("poses", [s.t, s.q, s.own_p], [ca.densify(ca.vertcat(*entries))])
 
     def many(self, t: Vector, q: Vector, p: Vector) -> Vector:
         """At k states (rows of q): k × bodies × 12."""

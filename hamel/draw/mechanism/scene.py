@@ -38,7 +38,8 @@ class Numbers:
         free = [x.name for x in model.parameters if x.name not in system.constants]
         self.names |= dict(zip(free, p.tolist()))
         self.names |= dict(zip((x.name for x in model.coordinates), q.tolist()))
-        self.names |= {x.name: 0.0 for x in (*model.inputs, *model.velocities)} | {"t": 0.0}
+        still = (*model.inputs, *model.velocities, *model.states)
+        self.names |= {x.name: 0.0 for x in still} | {"t": 0.0}
         self._rates = {x.name: 0.0 for x in model.coordinates}
         self._functions = {**float_functions(), **float_tables(model.tables)}
         for name, expression in model.definitions:

@@ -41,7 +41,7 @@ class Configuration:
 
 def configuration(system: System) -> Configuration:
     """Raises ModelError where the model has no consistent initial state."""
-    p = np.array(system.parameters, dtype=float)
+    p = np.array(system.own_parameters, dtype=float)
     start = initial_state(system).q
     changes = _changes(system, start)
     if not changes:

@@ -23,7 +23,7 @@ from derive.formulations.records import Equations
 from derive.states.closing import Kinematics
 from derive.states.initial import Initial
 from hamel.build import store
-from hamel.simulate.exact.series import Fixed, Graph, Series
+from hamel.simulate.exact.series import Fixed, Graph, NotAnalytic, Series
 from hamel.simulate.exact.taylor import Problem as Flow
 from hamel.simulate.exact.taylor import integrated
 from hamel.verify.checks.evidence import all_parameters
@@ -82,9 +82,7 @@ def written(value: float) -> Fraction:
 
 def state_of(e: Equations, initial: Initial, p: np.ndarray, t: float = 0.0) -> np.ndarray:
     """x from (q, v) by the equations' own function."""
-    found = function_of(e, "state")(
-        t, np.concatenate([initial.q, initial.v]), np.zeros(e.system.u.numel()), p
-    )
+    found = function_of(e, "state")(t, initial.whole, np.zeros(e.system.u.numel()), p)
     return np.asarray(found).ravel()
 
 
@@ -92,12 +90,20 @@ def solution(problem: Problem, times: Sequence[float], digits: int = 30) -> Solu
     """The motion at rising `times` (s), as decimals that are to be right in `digits` behind the
     point. Raises NotAnalytic where there is no series, Stopped where the motion ends. Remembered by
     content."""
+    _check_states(problem)
     name = _fingerprint(problem, times, digits)
     kept = _stored_solution(name)
     if kept is None:
         kept = _computed(problem, times, digits)
         _keep(name, kept)
     return kept
+
+
+def _check_states(problem: Problem) -> None:
+    e = problem.equations
+    if e.z:
+        names = ", ".join(e.z)
+        raise NotAnalytic(f"solutions of many digits know no first-order states ({names})")
 
 
 def _computed(problem: Problem, times: Sequence[float], digits: int) -> Solution:

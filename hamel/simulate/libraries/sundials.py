@@ -186,6 +186,8 @@ def compiled_by_casadi(function: ca.Function) -> ca.Function:
 
 
 def _needs_multipliers(equations: Equations) -> str:
+    if equations.z:
+        return f"it knows no first-order states ({', '.join(equations.z)})"
     if not equations.system.rows:
         return "there are no constraints to hold"
     if equations.formulation != "augmented":

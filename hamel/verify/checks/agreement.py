@@ -54,6 +54,18 @@ def rates(e: Evidence) -> float:
     return max(matrices, terms, deviation(ours, own, unit=unit, sums=sums))
 
 
+def states(e: Evidence) -> float | None:
+    """ż, of the system and as the last part of ẋ at the choice's own velocities."""
+    if not e.system.model.states:
+        return None
+    wanted, unit = [s.outcome.zdot for s in e.samples], e.units.zdot
+    terms = deviation([t.zdot for t in e.terms], wanted, unit=unit)
+    last = e.graph.equations.speeds.stop
+    ours = [xdot[last:] for xdot in e.results("dynamics")]
+    own = [outcome.zdot for outcome in e.outcomes]
+    return max(terms, deviation(ours, own, e.conditions, unit=unit))
+
+
 def mass(e: Evidence) -> float:
     """|M − M_ref|ᵢⱼ against √(Mᵢᵢ Mⱼⱼ), so that light parts count as much as heavy ones."""
     errors = mass_errors(e, [t.M for t in e.terms], TERMS)
@@ -104,7 +116,7 @@ def power(e: Evidence) -> float:
 
 def positions(e: Evidence) -> float:
     """φ off the constraint surface, where it is not zero."""
-    got = [e.terms_at(d.t, d.q, d.v, s.u, s.p).phi for d, s in zip(e.disturbed, e.samples)]
+    got = [e.terms_at(d.t, d.q, d.v, s.u, s.given).phi for d, s in zip(e.disturbed, e.samples)]
     sums = Sums(TERMS, [1.0 + worst(d.q / e.units.q) for d in e.disturbed])
     wanted = [e.kinematics(d).phi for d in e.disturbed]
     return deviation(got, wanted, unit=e.units.positions, sums=sums)
@@ -375,6 +387,7 @@ CHECKS = (
         admissible,
     ),
     Check("q̇ = N v", TERMS, "reference: rates of the coordinates, in the system and in ẋ", rates),
+    Check("ż", CANCELLING, "reference: rates of first-order states", states),
     Check(
         "M", TERMS, "reference: Jᵀ K J of the maximal coordinates, entries against √(Mᵢᵢ Mⱼⱼ)", mass
     ),

@@ -82,12 +82,13 @@ def roundtrip(e: Evidence) -> float:
 
 
 def _forth(e: Evidence, s: Sample, at: State) -> float:
-    x = e.graph("state", s.t, np.concatenate([at.q, at.v]), s.u, s.p)
-    q, w = np.split(x, [len(at.q)])
-    moved = worst((q - at.q) / (e.units.q + np.abs(at.q)))
+    x = e.graph("state", s.t, np.concatenate([at.q, at.v, s.z]), s.u, s.p)
+    q, w = x[: len(at.q)], x[e.graph.equations.speeds]
+    kept = x[e.graph.equations.speeds.stop :] - s.z
+    moved = max(worst((q - at.q) / (e.units.q + np.abs(at.q))), worst(kept / e.units.z))
     if "B" not in e.graph.named:
         return moved
-    B = np.array(e.graph.named["B"](s.t, np.concatenate([at.q, w]), s.u, s.p))
+    B = np.array(e.graph.named["B"](s.t, x, s.u, s.p))
     return max(moved, worst((w - B @ at.v) / (e.units.w + np.abs(B) @ np.abs(at.v))))
 
 

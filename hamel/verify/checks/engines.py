@@ -49,6 +49,8 @@ def exudyn(e: Evidence) -> float | None:
     engine = _engine(e, "exudyn")
     if engine is None or e.redundant:  # the reference drifts to where redundant rows are not
         return None
+    if e.system.model.states:
+        return None
     model = replace(e.system.model, loads=())
     bare = replace(e, reference=reference(model))
     k = best_conditioned(e)[0]

@@ -39,25 +39,41 @@ from hamel.verify.reference.vectors import Array
 VARIED = (0.2, 0.02, 0.0)
 SHORT = 1e-3  # of the model's own time
 FAR = 0.1  # off the constraints, in the model's own units
-TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power")
-VECTORS = ("qdot", "h", "Q", "phi", "c", "beta")
+TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power", "zdot")
+VECTORS = ("qdot", "h", "Q", "phi", "c", "beta", "zdot")
 MATRICES = ("N", "M", "A")
 NUMBERS = ("T", "V", "energy", "power")
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One state with the reference's outcome; `p` are the system's own parameters, `full` all of
-    the model's."""
+    """One state with the reference's outcome; `p` are the parameters of the module, z first-order
+    states, `given` both as the system has them; `full` are all of the model's, and behind them z.
+    """
 
     t: float
     q: Array
     v: Array
     u: Array
     p: Array
+    z: Array
     full: Array
     state: State
     outcome: Outcome
+
+    @property
+    def given(self) -> Array:
+        """p and z."""
+        return np.concatenate([self.p, self.z])
+
+    @property
+    def whole(self) -> Array:
+        """(q, v, z)."""
+        return np.concatenate([self.q, self.v, self.z])
+
+    def full_with(self, z: Array) -> Array:
+        """`full` with other first-order states."""
+        return np.concatenate([self.full[: len(self.full) - len(z)], z])
 
 
 @dataclass(frozen=True)
@@ -77,6 +93,7 @@ class Terms:
     V: float
     energy: float
     power: float
+    zdot: Array
 
 
 Row = tuple[float, Array, Array, Array]  # t, x, u, p
@@ -143,17 +160,16 @@ def _sample(
 ) -> Sample:
     full = all_parameters(system, p)
     state = state_of(reference, float(t), q, v, u, full)
-    return Sample(float(t), q, v, u, p, full, state, evaluate(reference, state))
+    own, z = np.split(p, [len(system.own_parameters)])
+    return Sample(float(t), q, v, u, own, z, full, state, evaluate(reference, state))
 
 
 def all_parameters(system: System, p: Array) -> Array:
     """The model's parameters in order: those of p where the system takes them, defaults for the
-    rest."""
+    rest. Then the first-order states."""
     rest = iter(p)
-    return np.array(
-        [x.value if x.name in system.constants else next(rest) for x in system.model.parameters],
-        dtype=float,
-    )
+    own = [x.value if x.name in system.constants else next(rest) for x in system.model.parameters]
+    return np.array([*own, *rest], dtype=float)
 
 
 def roundoff(graph: Evaluator, name: str, rows: Sequence[Row], real: Real) -> Array:
@@ -219,13 +235,13 @@ class Evidence:
     @cached_property
     def units(self) -> Units:
         """One of each quantity."""
-        w = [x[len(s.q) :] for s, x in zip(self.samples, self.x)]
+        w = [x[self.graph.equations.speeds] for x in self.x]
         return units(self.system, [s.outcome.kinematics.A for s in self.samples], w)
 
     @cached_property
     def terms(self) -> tuple[Terms, ...]:
         """M, h, Q … of the System at every state."""
-        return tuple(self.terms_at(s.t, s.q, s.v, s.u, s.p) for s in self.samples)
+        return tuple(self.terms_at(s.t, s.q, s.v, s.u, s.given) for s in self.samples)
 
     @cached_property
     def x(self) -> tuple[Array, ...]:
@@ -366,9 +382,7 @@ class Evidence:
 
     def states_of(self, graph: Evaluator) -> tuple[Array, ...]:
         """The states x = (q, w) of a choice that (q, v) of the samples become there."""
-        return tuple(
-            graph("state", s.t, np.concatenate([s.q, s.v]), s.u, s.p) for s in self.samples
-        )
+        return tuple(graph("state", s.t, s.whole, s.u, s.p) for s in self.samples)
 
     def accelerations_of(self, graph: Evaluator) -> tuple[Array, ...]:
         """v̇ of a choice at its own states, by which choices with different w can be compared."""
@@ -378,7 +392,9 @@ class Evidence:
     def arguments_of(self, name: str) -> tuple[Array, ...]:
         """The x that a function takes: the state (q, w), unless it is one of those that take
         something else."""
-        if name in ("state", "qdot"):
+        if name == "state":
+            return tuple(s.whole for s in self.samples)
+        if name == "qdot":
             return tuple(np.concatenate([s.q, s.v]) for s in self.samples)
         if name == "integrate":
             return tuple(np.concatenate([s.q, s.v * self.units.time]) for s in self.samples)
@@ -388,7 +404,7 @@ class Evidence:
                 s.outcome.vdot + self.units.vdot * rng.normal(size=len(s.v)) for s in self.samples
             )
             return tuple(
-                np.concatenate([s.q, s.v, vdot]) for s, vdot in zip(self.samples, any_other)
+                np.concatenate([s.whole, vdot]) for s, vdot in zip(self.samples, any_other)
             )
         if name == "difference":
             others = (*self.samples[1:], *self.samples[:1])

@@ -25,7 +25,8 @@ def step(e: Evidence, s: Sample, vdot: Array) -> float:
     """A time in which the state changes by about 1e-3: differences of fourth order then err by
     about 1e-12."""
     rates, change = worst(s.outcome.qdot / e.units.qdot), worst(vdot / e.units.vdot)
-    return 1e-3 * e.units.time / max(1.0, rates, change**0.5)
+    charge = worst(s.outcome.zdot / e.units.zdot)
+    return 1e-3 * e.units.time / max(1.0, rates, change**0.5, charge)
 
 
 def energy_rate(e: Evidence) -> float:
@@ -39,7 +40,8 @@ def energy_rate(e: Evidence) -> float:
 
 def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array, claims: tuple[float, ...]) -> float:
     def energy(time: float) -> Array:
-        there = state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full)
+        full = s.full_with(s.z + time * s.outcome.zdot)
+        there = state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, full)
         return np.array(energies(e.reference, there).total)
 
     o = s.outcome
@@ -70,7 +72,7 @@ def rows_rate(e: Evidence) -> float | None:
 def _drift(e: Evidence, s: Sample, t: Terms, vdot: Array) -> float:
     def violation(time: float) -> Array:
         q, v = _moved(s, vdot, time)
-        there = e.terms_at(s.t + time, q, v, s.u, s.p)
+        there = e.terms_at(s.t + time, q, v, s.u, s.given)
         return there.A @ v - there.c
 
     drift, doubt = slope(violation, step(e, s, vdot))
@@ -89,7 +91,7 @@ def beta_rate(e: Evidence) -> float | None:
 
 def _beta(e: Evidence, s: Sample, t: Terms) -> float:
     def violation(time: float) -> Array:
-        there = e.terms_at(s.t + time, s.q + time * t.qdot, s.v, s.u, s.p)
+        there = e.terms_at(s.t + time, s.q + time * t.qdot, s.v, s.u, s.given)
         return there.A @ s.v - there.c
 
     rate, doubt = slope(violation, step(e, s, s.v / e.units.time))
@@ -105,12 +107,12 @@ def positions_rate(e: Evidence) -> float | None:
 
 
 def _gap_rate(e: Evidence, s: Sample, v: Array) -> float:
-    here = e.terms_at(s.t, s.q, v, s.u, s.p)
+    here = e.terms_at(s.t, s.q, v, s.u, s.given)
     holonomic = [row for row, about in enumerate(e.system.rows) if about.position >= 0]
     order = [e.system.rows[row].position for row in holonomic]
 
     def gap(time: float) -> Array:
-        return e.terms_at(s.t + time, s.q + time * here.qdot, v, s.u, s.p).phi
+        return e.terms_at(s.t + time, s.q + time * here.qdot, v, s.u, s.given).phi
 
     rate, doubt = (
         x[order]

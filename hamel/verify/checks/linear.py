@@ -158,7 +158,7 @@ def _tangent(e: Evidence, s: Sample, independent: list[int], j: int) -> Array:
     """δx that moves the independent state j by one and no other, on the constraints by the
     reference: δq = N δv, A_h δv = 0."""
     nq, k = len(s.q), s.outcome.kinematics
-    result = np.zeros(nq + len(e.units.w))
+    result = np.zeros(len(e.units.x))
     if j >= nq:
         result[j] = 1.0
         return result

@@ -42,7 +42,7 @@ def kept_momenta(e: Evidence) -> float | None:
 def _changed(e: Evidence, k: int, screws: Array) -> float:
     s = e.samples[k]
     span = time_scale(e, s)
-    q, v = np.split(end_of(e, s, e.x[k], span), [len(s.q)])
+    q, v, _ = np.split(end_of(e, s, e.x[k], span), [len(s.q), len(s.q) + len(s.v)])
     before, size, _ = _momenta(e, s, s.t, s.q, s.v)
     after, also, _ = _momenta(e, s, s.t + span, q, v)
     return worst(screws @ (after - before)) / (

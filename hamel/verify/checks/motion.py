@@ -23,6 +23,7 @@ from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import sizes, worst
 from hamel.verify.checks.evidence import Evidence, Sample
 from hamel.verify.reference.outcome import energies, evaluate, state_of
+from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
 SHARE = 0.5
@@ -103,9 +104,8 @@ def _unbalanced(e: Evidence, k: int) -> float:
     s = e.samples[k]
     span = time_scale(e, s)
     run = _run(e, s, e.x[k], span)
-    q, v = np.split(_end(e, s, run, s.t + span), [len(s.q)])
     end, start = (
-        energies(e.reference, state_of(e.reference, s.t + span, q, v, s.u, s.full)),
+        energies(e.reference, state_at(e, s, s.t + span, _end(e, s, run, s.t + span))),
         s.outcome,
     )
     size = e.units.energy + abs(end.T) + abs(start.T) + abs(end.V - start.V) + abs(run.work[-1])
@@ -115,7 +115,9 @@ def _unbalanced(e: Evidence, k: int) -> float:
 def backwards(e: Evidence) -> float | None:
     """There, velocities turned round, and back: where v̇ is even in v by the reference, and nothing
     depends on time."""
-    return worst_of(e, _not_back) if simulates(e) and _reversible(e) else None
+    if not simulates(e) or e.system.model.states or not _reversible(e):
+        return None
+    return worst_of(e, _not_back)
 
 
 def _reversible(e: Evidence) -> bool:
@@ -176,12 +178,29 @@ def time_scale(e: Evidence, s: Sample) -> float:
     damping = worst(_changed(e, s, s.q, s.v + signs * unit.v)) / NUDGE
     rates = (
         1.0,
+        _pace_of_states(e, s, signs * unit.v),
         worst(s.outcome.qdot / unit.qdot),
         worst(s.outcome.vdot / unit.vdot) ** 0.5,
         stiffness**0.5,
         damping,
     )
     return SHARE * unit.time / max(rates)
+
+
+def _pace_of_states(e: Evidence, s: Sample, dv: Array) -> float:
+    """How fast first-order states change, and how they and velocities change each other's
+    rates."""
+    if not len(s.z):
+        return 0.0
+    unit = e.units
+    signs = NUDGE * np.where(np.arange(len(s.z)) % 2, -1.0, 1.0)
+    moves = (np.concatenate([s.q, s.v, s.z + signs * unit.z]), np.concatenate([s.q, s.v + dv, s.z]))
+    found = [worst(s.outcome.zdot / unit.zdot)]
+    for y in moves:
+        there = evaluate(e.reference, state_at(e, s, s.t, y))
+        found.append(worst((there.zdot - s.outcome.zdot) / unit.zdot) / NUDGE)
+        found.append(worst((there.vdot - s.outcome.vdot) / unit.vdot) / NUDGE)
+    return max(found)
 
 
 def _changed(e: Evidence, s: Sample, q: Array, v: Array) -> Array:
@@ -210,34 +229,43 @@ def _run(e: Evidence, s: Sample, x: Array, span: float, step_size: float | None 
 
 
 def end_of(e: Evidence, s: Sample, x: Array, span: float) -> Array:
-    """(q, v) where the module's own motion from x at the time of s is after a span."""
+    """(q, v, z) where the module's own motion from x at the time of s is after a span."""
     return _end(e, s, _run(e, s, x, span), s.t + span)
 
 
 def _end(e: Evidence, s: Sample, run: Any, t: float) -> Array:
-    """(q, v) where a motion ends; modules of several charts give v themselves, for x may be in any
+    """(q, v, z) where a motion ends; modules of several charts give v themselves, for x may be in
+    any
     of them, and a frame that was based anew stands with the parameters of the row."""
     assert e.module is not None
     x, v, p = run.x[-1], getattr(run, "v", None), getattr(run, "p", None)
     if v is not None:
         return np.concatenate([x[: len(s.q)], v[-1]])
     if p is not None:
-        return np.concatenate([x[: len(s.q)], e.module.velocity(t, x, s.u, p[-1])])
-    return np.concatenate([x[: len(s.q)], e.graph("velocity", t, x, s.u, s.p)])
+        z = x[len(x) - len(s.z) :]
+        return np.concatenate([x[: len(s.q)], e.module.velocity(t, x, s.u, p[-1]), z])
+    z = x[len(x) - len(s.z) :]
+    return np.concatenate([x[: len(s.q)], e.graph("velocity", t, x, s.u, s.p), z])
 
 
 def _apart(e: Evidence, got: Array, wanted: Array) -> float:
-    unit = e.units.both
+    unit = e.units.whole
     return worst((got - wanted) / unit / sizes(wanted[None] / unit)[0].clip(1.0))
 
 
 def reference_end(e: Evidence, s: Sample, span: float) -> Array:
-    """(q, v) after the span. FloatingPointError where steps are halved without end."""
+    """(q, v, z) after the span. FloatingPointError where steps are halved without end."""
     return _carried(e, s, s.t, _start(s), span, DEPTH, np.inf)
 
 
 def _start(s: Sample) -> Array:
-    return np.concatenate([s.q, s.v])
+    return s.whole
+
+
+def state_at(e: Evidence, s: Sample, t: float, y: Array) -> State:
+    """The reference's state at (q, v, z), inputs and parameters as of the sample."""
+    q, v, z = np.split(y, [len(s.q), len(s.q) + len(s.v)])
+    return state_of(e.reference, t, q, v, s.u, s.full_with(z))
 
 
 def _carried(
@@ -267,8 +295,7 @@ def _piece(e: Evidence, s: Sample, t: float, y: Array) -> tuple[float, ...]:
     found = switches(e.reference.model)
     if not found:
         return ()
-    q, v = np.split(y, [len(s.q)])
-    state = state_of(e.reference, t, q, v, s.u, s.full)
+    state = state_at(e, s, t, y)
     return tuple(float(np.sign(state.value(side))) for side in found)
 
 
@@ -277,12 +304,11 @@ def _step(e: Evidence, s: Sample, t: float, y: Array, h: float) -> tuple[Array, 
 
 
 def _rates(e: Evidence, s: Sample, t: float, y: Array) -> Array:
-    q, v = np.split(y, [len(s.q)])
     try:
-        outcome = evaluate(e.reference, state_of(e.reference, t, q, v, s.u, s.full))
+        outcome = evaluate(e.reference, state_at(e, s, t, y))
     except np.linalg.LinAlgError:  # nothing is left of the state
         raise FloatingPointError("the reference cannot tell") from None
-    return np.concatenate([outcome.qdot, outcome.vdot])
+    return np.concatenate([outcome.qdot, outcome.vdot, outcome.zdot])
 
 
 def _extrapolated(

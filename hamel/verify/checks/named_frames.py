@@ -126,7 +126,7 @@ def _accelerated(e: Evidence, k: int, motion: FrameMotion) -> Array:
 
 def _without_wdot(e: Evidence, k: int, motion: FrameMotion) -> Array:
     s, x = e.samples[k], e.x[k]
-    wdot = e.graph("dynamics", s.t, x, s.u, s.p)[len(s.q) :]
+    wdot = e.graph("dynamics", s.t, x, s.u, s.p)[e.graph.equations.speeds]
     still = e.outcomes[k].vdot - partial_velocities_at(e, k) @ wdot
     return motion.J @ still + motion.drift
 

@@ -31,9 +31,9 @@ def partial_velocities_at(e: Evidence, k: int) -> Array:
 def _partial(e: Evidence, s: Sample, t: float, q: Array) -> Array:
     """v at w = one of each speed, less v at w = 0."""
     units = e.units.w
-    still = e.graph("velocity", t, np.concatenate([q, np.zeros(len(units))]), s.u, s.p)
+    still = e.graph("velocity", t, np.concatenate([q, np.zeros(len(units)), s.z]), s.u, s.p)
     columns = [
-        (e.graph("velocity", t, np.concatenate([q, unit]), s.u, s.p) - still) / size
+        (e.graph("velocity", t, np.concatenate([q, unit, s.z]), s.u, s.p) - still) / size
         for unit, size in zip(np.diag(units), units)
     ]
     return np.column_stack([np.zeros((len(still), 0)), *columns])
@@ -110,8 +110,7 @@ def products(e: Evidence) -> float | None:
     """C w: the velocity products Sᵀ (M σ + h − h₀) of the reference."""
     if not e.graph.has("coriolis_w"):
         return None
-    nq = len(e.samples[0].q)
-    speeds = [x[nq:] for x in e.x]
+    speeds = [x[e.graph.equations.speeds] for x in e.x]
     got = [C @ w for C, w in zip(_coriolis(e), speeds)]
     doubts = [bound @ np.abs(w) for bound, w in zip(_rounding(e), speeds)]
     wanted = [_over_w(e, k, _still) for k in range(len(e.samples))]
@@ -174,7 +173,7 @@ def _at_rest(e: Evidence, s: Sample) -> Outcome:
 def _over_w(e: Evidence, k: int, rest: Rest) -> Array:
     """Sᵀ (M σ + h − rest)."""
     s, x, S = e.samples[k], e.x[k], partial_velocities_at(e, k)
-    wdot = e.graph("dynamics", s.t, x, s.u, s.p)[len(s.q) :]
+    wdot = e.graph("dynamics", s.t, x, s.u, s.p)[e.graph.equations.speeds]
     sigma = s.outcome.vdot - S @ wdot
     return S.T @ (s.outcome.M @ sigma + s.outcome.h - rest(e, s))
 
@@ -199,7 +198,7 @@ def _sizes_of_sums(e: Evidence, k: int, unit: Array) -> float:
     """The largest entry of |S|ᵀ (|M| (|v̇| + |S| |ẇ|) + forces), in its unit: near a singular
     position S is large, and what it multiplies cancels."""
     s, x, S = e.samples[k], e.x[k], np.abs(partial_velocities_at(e, k))
-    wdot = np.abs(e.graph("dynamics", s.t, x, s.u, s.p)[len(s.q) :])
+    wdot = np.abs(e.graph("dynamics", s.t, x, s.u, s.p)[e.graph.equations.speeds])
     rates = np.abs(s.outcome.vdot) + S @ wdot
     forces = np.abs(s.outcome.M) @ rates + e.forces[k] * e.units.force
     return worst(S.T @ forces / unit)

@@ -22,12 +22,13 @@ LEFT_OVER = 1e-12  # of what a velocity is: a speed below that is roundoff
 
 @dataclass(frozen=True)
 class Units:
-    """Arrays over the entries of q, v, w and over the rows of A v = c; `positions` over φ."""
+    """Arrays over the entries of q, v, w, z and over the rows of A v = c; `positions` over φ."""
 
     own: Scales
     q: Array
     v: Array
     w: Array
+    z: Array
     rows: Array
     positions: Array
     lengths: Array  # ones, of the lengths of quaternions
@@ -39,13 +40,18 @@ class Units:
 
     @property
     def x(self) -> Array:
-        """Of the state (q, w)."""
-        return np.concatenate([self.q, self.w])
+        """Of the state (q, w, z)."""
+        return np.concatenate([self.q, self.w, self.z])
 
     @property
     def both(self) -> Array:
         """Of (q, v)."""
         return np.concatenate([self.q, self.v])
+
+    @property
+    def whole(self) -> Array:
+        """Of (q, v, z)."""
+        return np.concatenate([self.q, self.v, self.z])
 
     @property
     def qdot(self) -> Array:
@@ -56,6 +62,11 @@ class Units:
     def vdot(self) -> Array:
         """Of v̇."""
         return self.v / self.time
+
+    @property
+    def zdot(self) -> Array:
+        """Of ż."""
+        return self.z / self.time
 
     @property
     def N(self) -> Array:
@@ -100,10 +111,10 @@ class Units:
     def taken(self, name: str, count: int) -> Array:
         """The entries of what a function takes as x; zero for what is none of the state."""
         own = {
-            "state": [self.both],
+            "state": [self.whole],
             "qdot": [self.both],
             "integrate": [self.q, self.v * self.time],
-            "inverse_dynamics": [self.both, self.vdot],
+            "inverse_dynamics": [self.whole, self.vdot],
             "difference": [self.q, self.q],
             "normalise": [self.q],
         }
@@ -132,8 +143,9 @@ def units(system: System, A: Sequence[Array], w: Sequence[Array]) -> Units:
     """`A` and w at some states say how large each row and each speed is; one that says nothing
     counts as one."""
     own, model = scales(system.model), system.model
-    q, v = (
-        own.all_of(item.unit for item in items) for items in (model.coordinates, model.velocities)
+    q, v, z = (
+        own.all_of(item.unit for item in items)
+        for items in (model.coordinates, model.velocities, model.states)
     )
     rows = typical([np.max(np.abs(each) * v, axis=1, initial=0.0) for each in A])
     largest = np.max(rows, initial=0.0)
@@ -145,4 +157,4 @@ def units(system: System, A: Sequence[Array], w: Sequence[Array]) -> Units:
     speeds[speeds < LEFT_OVER * np.max(v, initial=0.0)] = (
         1.0  # the constraints leave nothing but roundoff of it
     )
-    return Units(own, q, v, speeds, rows, positions, np.ones(len(system.quaternions)))
+    return Units(own, q, v, speeds, z, rows, positions, np.ones(len(system.quaternions)))

@@ -111,10 +111,12 @@ def _terms(seen: Evidence) -> Iterable[Target]:
     well."""
     system = seen.system
     arguments = [system.t, system.q, system.v, system.u, system.p]
-    here = [(s.t, s.q, s.v, s.u, s.p) for s in seen.samples]
-    beside = [(s.t, d.q, s.v, s.u, s.p) for s, d in zip(seen.samples, seen.disturbed)]
+    here = [(s.t, s.q, s.v, s.u, s.given) for s in seen.samples]
+    beside = [(s.t, d.q, s.v, s.u, s.given) for s, d in zip(seen.samples, seen.disturbed)]
     units = (seen.units.q, seen.units.v, 0.0, 0.0)
     for name in TERMS:
+        if name == "zdot" and not system.model.states:
+            continue
         value = ca.densify(ca.SX(getattr(system, name)))
         places = here + beside if name == "phi" else here
         yield Target(
@@ -147,7 +149,7 @@ def _functions(seen: Evidence) -> Iterable[Target]:
             places += [(s.t, x, s.u, s.p) for s, x in zip(seen.samples, seen.astray)]
         if function.name == "state":
             places += [
-                (s.t, np.concatenate([d.q, d.v]), s.u, s.p)
+                (s.t, np.concatenate([d.q, d.v, s.z]), s.u, s.p)
                 for s, d in zip(seen.samples, seen.disturbed)
             ]
         arguments = slots_of(equations, function)

@@ -112,14 +112,14 @@ def symbols(model: Model) -> Symbols:
     )
     u, p, t = (
         column("u", len(model.inputs)),
-        column("p", len(model.parameters)),
+        column("p", len(model.parameters) + len(model.states)),
         sympy.Symbol("t", real=True),
     )
     groups = (
         (model.coordinates, q),
         (model.velocities, v),
         (model.inputs, u),
-        (model.parameters, p),
+        ((*model.parameters, *model.states), p),
     )
     m, mr = column("m", len(model.measures)), column("mr", len(model.measures))
     names = {"t": t, "pi": sympy.pi} | {

@@ -39,6 +39,7 @@ from hamel.verify.reference.measures import values
 from hamel.verify.reference.rows import RowsOf, constraint_rows, joint_blocks
 from hamel.verify.reference.saddle import least_eigenvalue, rank_of, saddle, solved
 from hamel.verify.reference.states import STILL, State, state
+from hamel.verify.reference.stores import charging, stored
 from hamel.verify.reference.vectors import Array
 
 
@@ -110,6 +111,7 @@ class Outcome:
     V: float
     energy: float  # T + V or, with terms not quadratic in the rates, Jacobi's integral T₂ − T₀ + V
     power: float  # of forces without a potential, and ∂(V − T)/∂t: d(energy)/dt = power + λᵀ c
+    zdot: Array  # rates of the first-order states
     rank: int  # of A
     residual: float  # of the solved system, relative
     summed: Summed
@@ -172,15 +174,16 @@ def _no_energies(state: State) -> Lagrange:
 
 
 def defaults(model: Model) -> Array:
-    """The parameters' own values, in the model's order."""
-    return np.array([parameter.value for parameter in model.parameters])
+    """The parameters' own values, in the model's order, and zero for first-order states."""
+    own = [parameter.value for parameter in model.parameters]
+    return np.array([*own, *(0.0 for _ in model.states)])
 
 
 def state_of(
     ref: Reference, t: float, q: Array, v: Array, u: Array | None = None, p: Array | None = None
 ) -> State:
-    """The state (t, q, v, u, p) spelled out; missing inputs are zero, missing parameters their
-    defaults."""
+    """The state (t, q, v, u, p) spelled out, p with first-order states at its end; missing inputs
+    are zero, missing parameters their defaults."""
     u = np.zeros(len(ref.model.inputs)) if u is None else u
     p = defaults(ref.model) if p is None else p
     q, v, u, p = (np.asarray(x, dtype=float) for x in (q, v, u, p))
@@ -222,7 +225,7 @@ def energies(ref: Reference, s: State) -> Energies:
 def _energies(ref: Reference, s: State, analytic: Lagrange, bodies: Bodies) -> Energies:
     T = sum(0.5 * twist @ (own @ twist) for twist, own, _ in bodies) + 0.5 * rotors(ref, s) @ s.v**2
     T = float(T) + analytic.T
-    V = applied(ref.model, ref.place, s, nonideal=False).V + analytic.V
+    V = applied(ref.model, ref.place, s, nonideal=False).V + analytic.V + stored(ref.model, s)
     return Energies(T, V, T + V - analytic.odd)
 
 
@@ -266,11 +269,12 @@ def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
     # the saddle matrix is symmetric with −λ as its unknown
     vdot, lam = solution[:nv], -solution[nv:]
     z = np.concatenate([s.v, kin.J @ s.v])
-    power = float(loads.other @ z) + analytic.power
+    zdot = s.vector([state.rate for state in ref.model.states])
+    power = float(loads.other @ z) + analytic.power + charging(ref.model, s, zdot)
     T, V, energy = _energies(ref, s, analytic, bodies)
     return Outcome(
         vdot=vdot, qdot=s.rates, lam=lam, kinematics=kin, M=M, h=h, Q=Q,
-        T=T, V=V, energy=energy, power=power, rank=rank, residual=residual,
+        T=T, V=V, energy=energy, power=power, zdot=zdot, rank=rank, residual=residual,
         summed=_summed(ref, analytic, loads, kin, bodies),
     )  # fmt: skip
 

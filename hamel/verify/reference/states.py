@@ -57,7 +57,8 @@ class Seat:
 
 @dataclass(frozen=True)
 class State:
-    """t, q, v, u, p and what follows from them; N is nq × nv, drift = Ṅ v, names and rates feed
+    """t, q, v, u, p (behind the parameters first-order states) and what follows from them; N is nq
+    × nv, drift = Ṅ v, names and rates feed
     formulas."""
 
     t: float
@@ -136,7 +137,7 @@ def _values_by_name(
         (model.coordinates, q),
         (model.velocities, v),
         (model.inputs, u),
-        (model.parameters, p),
+        ((*model.parameters, *model.states), p),
     )
     return {"t": t, "pi": np.pi} | {
         item.name: x for items, values in groups for item, x in zip(items, values)

@@ -1,0 +1,200 @@
+"""First-order states: rates of their own beside the motion, coupled both ways.
+
+Of derive.model: states.
+Of derive.mechanics: states.
+Of derive.textbook: states.
+Of hamel.verify.reference: stores.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from codegen.passes import program
+from derive.diagnostics import AssumptionError, ModelError
+from derive.enforcement import ENFORCEMENTS, Options, misfit
+from derive.formulations import equations, misfits
+from derive.formulations.evaluate import evaluator, function_of
+from derive.linearize import linear
+from derive.model import load_text
+from derive.states import system
+from derive.states.initial import initial_state
+from derive.states.sampling import states
+from hamel.build.module import temporary_module
+from hamel.verify.checks import QUICK
+from hamel.verify.checks.evidence import evidence
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import results
+
+MOTOR = (Path(__file__).parents[3] / "models/gallery/dc_motor.yaml").read_text("utf-8")
+TIED = """
+model: tied
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {m: 0.5 kg, l: 0.3 m, tau: 20 ms, F: 8 N, a0: 0.1, r: 0.05 m}
+bodies:
+  cart: {mass: 2 kg}
+  bob: {mass: m, com: [0, -l], inertia: 0.001}
+joints:
+  rail: {type: prismatic, parent: ground, child: cart, axis: x, coordinate: s}
+  hinge: {type: revolute, parent: cart, child: bob, coordinate: q}
+inputs: {excitation: {unit: "1"}}
+constraints: {tie: {holonomic: s - r*sin(q)}}
+where: {level: act^2/(1 + act^2)}
+states:
+  act:
+    rate: (excitation - act)/tau + heat*(0.2 1/s) - der(q)*act/10
+    initial: a0
+  heat: {rate: level^2*(1 1/s) - heat/(3 s), initial: 0.5}
+loads:
+  muscle: {type: expression, joint: rail, expression: F*level - (3 N*s/m)*der(s)}
+outputs: {pull: F*level, force: reaction(tie)}
+events: {full: act - 0.3}
+initial: {q: 20 deg, guess: {s: 0.01 m}}
+"""
+
+
+def motor_by_hand(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """(q̇, q̈, di/dt): (m l² + n² J) q̈ = n k i − m g l sin q, L di/dt = u − R i − n k q̇."""
+    m, l, n, J, L, R, k = p
+    q, rate, current = x
+    turning = (n * k * current - m * 9.81 * l * np.sin(q)) / (m * l**2 + n**2 * J)
+    return np.array([rate, turning, (u[0] - R * current - n * k * rate) / L])
+
+
+def test_the_motor_is_the_one_of_textbooks() -> None:
+    found = equations(system(load_text(MOTOR)))
+    rng, p = np.random.default_rng(0), np.array(found.parameters)
+    assert found.argument("x").labels == ("q", "q_dot", "current")
+    for _ in range(20):
+        x, u = rng.normal(size=3), rng.normal(size=1)
+        got = function_of(found, "dynamics")(0.0, x, u, p).full().ravel()
+        wanted = motor_by_hand(x, u, p)
+        assert np.max(np.abs(got - wanted) / (1.0 + np.abs(wanted))) < 1e-12
+
+
+def test_what_states_store_is_in_the_balance() -> None:
+    """With its energy given the power is u i − R i², without it the torque's."""
+    for text, wanted in (
+        (MOTOR, lambda x, u, p: u * x[2] - p[5] * x[2] ** 2),
+        (
+            MOTOR.replace("    energy: L/2*current^2\n", ""),
+            lambda x, u, p: p[2] * p[6] * x[2] * x[1],
+        ),
+    ):
+        found = equations(system(load_text(text)))
+        x, u, p = np.array([0.4, 1.3, -0.7]), 2.0, np.array(found.parameters)
+        got = float(function_of(found, "power")(0.0, x, [u], p))
+        assert got == pytest.approx(wanted(x, u, p), rel=1e-12)
+
+
+@pytest.mark.parametrize("text", [MOTOR, TIED], ids=["motor", "tied"])
+def test_agrees_with_the_reference_in_every_formulation(text: str) -> None:
+    mechanics = system(load_text(text))
+    ref = reference(mechanics.model)
+    fitting = [name for name, reason in misfits(mechanics).items() if not reason]
+    assert len(fitting) > 3
+    for name in fitting:
+        seen = evidence(ref, equations(mechanics, None, name), states=4)
+        failed = [result.name for result in results(seen, QUICK) if not result.passed]
+        assert not failed, (name, failed)
+
+
+def test_states_are_drawn_at_random() -> None:
+    mechanics = system(load_text(TIED))
+    drawn = states(mechanics, 10).p[:, -2:]
+    assert np.all(np.ptp(drawn, axis=0) > 0.2)
+
+
+@pytest.mark.parametrize("k", [0, 1])
+def test_a_planted_error_in_a_rate_is_seen(k: int) -> None:
+    """One per million of one rate, in the system and in ẋ."""
+    mechanics = system(load_text(TIED))
+    ref = reference(mechanics.model)
+    rates = ca.vertcat(
+        *(x * (1 + 1e-6 * (i == k)) for i, x in enumerate(ca.vertsplit(mechanics.zdot)))
+    )
+    wrong = replace(mechanics, zdot=rates)
+    seen = evidence(ref, equations(wrong), states=4)
+    assert "ż" in [result.name for result in results(seen, QUICK) if not result.passed]
+
+
+def test_a_load_that_forgets_its_state_is_seen() -> None:
+    mechanics = system(load_text(TIED))
+    Q = ca.substitute(mechanics.Q, mechanics.z, 1.001 * mechanics.z)
+    seen = evidence(reference(mechanics.model), equations(replace(mechanics, Q=Q)), states=4)
+    assert "Q" in [result.name for result in results(seen, QUICK) if not result.passed]
+
+
+def test_every_way_of_integrating_comes_to_the_same_end() -> None:
+    """Explicit, implicit, in series and in lanes; against the motor by hand."""
+    found = equations(system(load_text(MOTOR)), moving=True)
+    ways = ("dop853", "radau", "taylor")
+    with temporary_module(found, ways) as module:
+        x, u, p = np.array([0.5, 0.0, 0.2]), np.array([6.0]), module.defaults
+        times = np.linspace(0.0, 0.05, 3)
+        ends = [module.simulate(times, x, u, p, integrator=way, rtol=1e-11).x[-1] for way in ways]
+        lanes = module.simulate(times, np.tile(x, (9, 1)), u, p, rtol=1e-11).x[:, -1]
+    hand = solve_ivp(
+        lambda _, y: motor_by_hand(y, u, p), (0.0, 0.05), x, "DOP853", rtol=1e-12, atol=1e-12
+    )
+    assert max(np.max(np.abs(end - hand.y[:, -1])) for end in (*ends, *lanes)) < 1e-9
+
+
+def test_linear_equations_hold_the_states() -> None:
+    found = equations(system(load_text(TIED)))
+    start = initial_state(found.system)
+    p = np.array(found.parameters)
+    form = linear(found, start.q, p)
+    assert form.states[-2:] == ("act", "heat") and len(form.states) == 4
+    x = evaluator(found)("state", 0.0, start.whole, np.zeros(1), p)
+    slots = [argument.symbols for argument in found.arguments]
+    A = ca.Function("A", slots, [ca.densify(form.A)])(0.0, x, 0.0, p).full()
+    assert A[2, 2] == pytest.approx(-1 / 0.02, rel=1e-12)  # ∂ act̊/∂ act at rest
+    assert A[2, 3] == pytest.approx(0.2, rel=1e-12)
+
+
+def test_initial_states_follow_parameters_and_settings() -> None:
+    mechanics = system(load_text(TIED))
+    p = np.array(mechanics.own_parameters)
+    p[4] = 0.7
+    assert initial_state(mechanics, {}, p).z.tolist() == [0.7, 0.5]
+    assert initial_state(mechanics, {"heat": 2.0}).z.tolist() == [0.1, 2.0]
+
+
+def test_what_does_not_carry_states_says_so() -> None:
+    found = equations(system(load_text(TIED)))
+    refused = {x.name for x in ENFORCEMENTS if "first-order states" in misfit(x, found, Options())}
+    assert refused == {
+        "partitioning", "selective", "tangent", "invariants", "invariants_euclidean"
+    }  # fmt: skip
+    with pytest.raises(AssumptionError, match="charts do not carry first-order states"):
+        equations(found.system, "q_dot+s_dot")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("- R*current", "- R*current - L*der(current)", r":22:\d+: error: der\(\) of the state"),
+        ("- R*current", "- R*missing", "unknown name 'missing'"),
+        ("- R*current", "- current", "cannot add|the rate of 'current' in|units"),
+        ("  current:", "  voltage:", "is the name of a input"),
+        ("mass: m,", "mass: m*current/(1 A),", "'current' is a state and cannot stand in a mass"),
+        ("{q: 30 deg}", "{q: 30 deg, current: 1 A}", "the initial value of the state"),
+        ("L/2*current^2", "L/2*current^2 + (1 J)*q", "cannot stand in the energy of a state"),
+    ],
+)
+def test_mistakes_are_told_where_they_are(old: str, new: str, message: str) -> None:
+    assert old in MOTOR
+    with pytest.raises(ModelError, match=message):
+        load_text(MOTOR.replace(old, new, 1))
+
+
+def test_a_model_without_states_has_none_anywhere() -> None:
+    found = equations(system(load_text(TIED.split("where:")[0] + "initial: {guess: {s: 0.01 m}}")))
+    assert not found.z and not program(found).states
+    assert found.argument("x").labels == ("s", "q", "q_dot")

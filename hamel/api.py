@@ -402,8 +402,10 @@ def report(
     from hamel.study.plan import Restrictions
     from hamel.verbs.report import run
 
-    names = (_names(each) for each in (formulations, choices, enforcements, integrators))
-    asked = Restrictions(*names, tuple(tolerances), budget, tuple(compare))
+    asked = Restrictions(
+        _names(formulations), _names(choices), _names(enforcements), _names(integrators),
+        tuple(tolerances), budget, tuple(compare),
+    )  # fmt: skip
     return run(_models(paths), out, time, values or {}, asked, _models(extremes), progress)
 
 

@@ -316,6 +316,7 @@ def identify(model: str, data: str | None, base: bool, excite: str | None, **opt
         return hamel.base_parameters(model, choice=options["choice"])
     if excite:
         return hamel.excitation(model, excite, **series)
+    assert data is not None  # the one that is left of the three
     return hamel.identify(model, data, **options)
 
 

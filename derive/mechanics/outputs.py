@@ -83,6 +83,6 @@ def planar_angle(scene: Scene, place: Place) -> ca.SX:
 def _still_angle(scene: Scene, still: Rotation) -> Scalar:
     if not still:
         return 0.0
-    i, j = IN_PLANE[scene.model.plane]
+    i, j = IN_PLANE[scene.model.plane][:2]
     R = matrix(still)
     return ca.atan2(R[j][i], R[i][i])

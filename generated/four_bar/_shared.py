@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "80f1421db414bde63f45c2149ffc59bf"
+PROGRAM = "f56d0995ac14a7275df1fb78591bf7fc"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 1, 7
 DEFAULTS = np.array([0.2, 0.5, 0.4, 0.55, 1.0, 2.5, 2.0], dtype=float)

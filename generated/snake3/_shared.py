@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "fc1fe6114febb6b2f813e777b95ce845"
+PROGRAM = "8c6f7241471da8d4b8e242045a692ec6"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 2, 3
 DEFAULTS = np.array([0.3, 1.0, 0.0075], dtype=float)

@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "fc1fe6114febb6b2f813e777b95ce845"
+#define SNAKE3_PROGRAM "8c6f7241471da8d4b8e242045a692ec6"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2

@@ -182,5 +182,5 @@ def test_the_command_ends_with_a_documented_code_and_writes_nothing(tmp_path, ca
 
 
 def test_a_list_of_a_million_entries_is_refused_soon() -> None:
-    with pytest.raises(ModelError, match="more than 300000 values"):
+    with pytest.raises(ModelError, match="more than 1000000 values"):
         load_text("model: m\ngravity: [" + "1, " * 1_000_000 + "1]\n")

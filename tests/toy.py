@@ -64,6 +64,7 @@ def toy(
         ),
         constants=(),
         quaternions=(),
+        links=(),
         phi=ca.SX(0, 1),
     )
     return Equations(
@@ -163,6 +164,7 @@ def circle() -> Equations:
         ),
         constants=(),
         quaternions=(),
+        links=(),
         phi=closing,
     )
     return Equations(
@@ -201,6 +203,7 @@ def turning(value: ca.SX, x: ca.SX) -> Equations:
         ),
         constants=(),
         quaternions=(),
+        links=(),
         phi=ca.SX(0, 1),
     )
     time = Argument("t", ca.SX.sym("t"), ("t",), ("s",))

@@ -80,7 +80,9 @@ def made_of(functions: dict[str, Callable[..., Any]]) -> Equations:
     empty = (ca.SX(0, 1), (), ())
     arguments = tuple(Argument(name, *slots.get(name, empty)) for name in "txup")
     model = SimpleNamespace(name="rules", description="", fixed=())
-    system: Any = SimpleNamespace(model=model, constants=(), quaternions=(), phi=ca.SX(0, 1))
+    system: Any = SimpleNamespace(
+        model=model, constants=(), quaternions=(), links=(), phi=ca.SX(0, 1)
+    )
     return Equations(system, "quasi-velocities", "one", "", arguments, (dynamics,), (), (), (), ())
 
 

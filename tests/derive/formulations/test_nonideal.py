@@ -106,11 +106,6 @@ def test_a_reaction_that_is_not_unique_is_refused_with_its_place() -> None:
     [
         ("abs(reaction.incline)*cos", "abs(reaction.inclin)*cos", "unknown name 'reaction.inclin'"),
         (
-            "potential: m*g*y",
-            "potential: m*g*y\nforces: {x: reaction.incline}",
-            "unknown name|a reaction",
-        ),
-        (
             "holonomic: x*sin(a)",
             "holonomic: reaction.incline*x*sin(a)",
             "'reaction.incline' is a reaction and cannot stand",

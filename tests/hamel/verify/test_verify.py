@@ -593,6 +593,8 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
     named |= {check.name for check in (*named_frames.CHECKS, *quasi.CHECKS)}  # test_named_frames
     named |= {"Jacobian of outputs"}  # the same
     named |= {check.name for check in steps.CHECKS}  # test_steps
+    named |= {"π", "Y π + rest", "Sᵀ (Y π + rest)"}  # test_regressors
+    named |= {"ż"}  # test_states
     assert {check.name for check in CHECKS} == named | by_code
 
 

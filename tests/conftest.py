@@ -78,10 +78,37 @@ LONG = {
     "test_four_bars_in_a_row": ("20",),
 }
 
+# several seconds each, of kinds that others of their file hold in less
+SLOW = frozenset(
+    {
+        "test_rows",
+        "test_simulate_goes_through_and_says_so",
+        "test_a_chain_of_ten_thousand_links_is_read",
+        "test_a_loop_over_columns_gives_the_same",
+        "test_two_charts_go_where_neither_goes_alone",
+        "test_the_bicycle_is_stable_between_its_critical_speeds",
+        "test_coefficients_of_the_snakeboard_are_the_textbooks",
+        "test_motions_that_cannot_be_are_counted",
+        "test_a_robot_afloat",
+        "test_loops",
+        "test_choices_are_drawn_along_the_motion",
+        "test_momenta_are_held_where_they_are_conserved",
+        "test_a_force_between_joints_keeps_the_unrolled_way_and_says_so",
+        "test_directions_that_are_based_anew_are_verified_and_linearised",
+        "test_command_line",
+        "test_an_integrator_of_lower_order_is_caught",
+        "test_energy_is_not_held_where_inputs_do_work",
+        "test_stewart_platform_in_leg_speeds_keeps_its_digits",
+        "test_the_section_lies_in_its_plane_at_one_energy",
+        "test_float32_has_the_same_steps",
+        "test_the_orthonormal_choice_goes_where_a_constant_frame_ends",
+    }
+)
+
 
 def pytest_collection_modifyitems(items):
     for item in items:
         test, _, run = item.name.partition("[")
         parts = (*LONG[""], *LONG.get(test, ()))
-        if any(part in run for part in parts):
+        if test in SLOW or any(part in run for part in parts):
             item.add_marker(pytest.mark.slow)

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 from derive.choices.reduction import Reduction
 from derive.expressions.dimensions import Inferred, infer
+from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
-from derive.expressions.units import pretty
+from derive.expressions.units import Dimension, pretty
 from derive.mechanics.records import System
 from derive.model.reader import dimension_of
 from derive.model.records import Model
@@ -38,9 +39,19 @@ def _unit(
     own = {system.model.velocities[j].unit for j in columns}
     if isinstance(dimension, tuple):
         alike = len(own) == 1 and dimension_of(*own) == dimension
-        return own.pop() if alike else pretty(dimension)
+        return own.pop() if alike else _readable(dimension)
     plain = len(columns) == 1 and reduction.B[k, columns[0]].is_constant()
     return own.pop() if plain else ""
+
+
+def _readable(dimension: Dimension) -> str:
+    """As a unit that the language reads back; "" for powers that it does not take."""
+    text = pretty(dimension)
+    try:
+        dimension_of(text)
+    except FormulaError:
+        return ""
+    return text
 
 
 def _formulas(model: Model, choice: str) -> dict[str, Expression]:
@@ -58,7 +69,7 @@ def _known(model: Model) -> Mapping[str, Inferred]:
     named = (*model.coordinates, *model.velocities)
     known: dict[str, Inferred] = {x.name: dimension_of(x.unit) for x in named}
     known |= {x.name: dimension_of(x.unit) for x in model.parameters if x.unit}
-    return known | {f"der({x.name})": dimension_of(f"{x.unit}/s") for x in model.coordinates}
+    return known | {f"der({x.name})": dimension_of(f"{x.unit or '1'}/s") for x in model.coordinates}
 
 
 def _dimension(formula: Expression | None, known: Mapping[str, Inferred]) -> Inferred:

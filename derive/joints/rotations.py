@@ -147,6 +147,16 @@ def sum_of(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
     return [plus(x, y) for x, y in zip(a, b)]
 
 
+def scaled(k: Scalar, x: Sequence[Scalar]) -> Vector:
+    """k x."""
+    return [dot([k], [entry]) for entry in x]
+
+
+def matrix_sum(a: Matrix, b: Matrix) -> Matrix:
+    """A + B."""
+    return [sum_of(x, y) for x, y in zip(a, b)]
+
+
 def difference(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
     """a − b entry by entry; an exact zero leaves the other entry as it is, or its negative."""
     return [minus(x, y) for x, y in zip(a, b)]

@@ -25,26 +25,24 @@ from derive.joints.rotations import (
     cross,
     difference,
     dot,
-    is_zero,
-    minus,
     plus,
     product,
     rotated,
     sum_of,
-    times,
     transpose,
+)
+from derive.mechanics.flows import (
+    Flow,
+    combined,
+    flow_couple,
+    flow_wrench,
+    own_flow,
+    power,
+    shifted,
 )
 from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Inertia, Link
-from derive.mechanics.tree import Wrench, composite_inertias, handed_down, momentum, twists
-
-
-@dataclass(frozen=True)
-class _Flow:
-    """p and G of a subtree, from the origin of its link and in its axes."""
-
-    p: Vector
-    G: Matrix
+from derive.mechanics.tree import composite_inertias, handed_down, momentum, twists
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class _Tree:
     omegas: list[Vector]
     speeds: list[Vector]
     composites: list[Inertia]
-    flows: list[_Flow]
+    flows: list[Flow]
 
 
 def coriolis_matrix(
@@ -78,14 +76,12 @@ def _tree(links: Sequence[Link], inertias: Sequence[Inertia], v: Sequence[Scalar
         for link, omega in zip(links, omegas)
     ]
     composites = composite_inertias(links, inertias)
-    flows = [_own_flow(body, omega) for body, omega in zip(inertias, omegas)]
+    flows = [own_flow(body, omega) for body, omega in zip(inertias, omegas)]
     for i in reversed(range(len(links))):
         parent = links[i].parent
         if parent >= 0:
             below = _flow_below(links[i], speeds[i], composites[i], flows[i])
-            flows[parent] = _Flow(
-                sum_of(flows[parent].p, below.p), _added(flows[parent].G, below.G)
-            )
+            flows[parent] = combined(flows[parent], below)
     return _Tree(links, omegas, speeds, composites, flows)
 
 
@@ -96,34 +92,13 @@ def _speed(link: Link, carrier: Vector, omega: Vector, v: Sequence[Scalar]) -> V
     return sum_of(cross(carrier, link.a), rotated(link.R, sum_of(slide, cross(link.b, omega))))
 
 
-def _own_flow(body: Inertia, omega: Vector) -> _Flow:
-    """Points that turn with the link, ẋ = ω × x: p = ω × h, G = ω × ∫ x xᵀ dm, column by
-    column."""
-    half = times(0.5, plus(plus(body.tensor[0][0], body.tensor[1][1]), body.tensor[2][2]))
-    second = [
-        [minus(half if i == j else 0.0, body.tensor[i][j]) for j in range(3)] for i in range(3)
-    ]
-    return _Flow(cross(omega, body.moment), transpose([cross(omega, x) for x in second]))
-
-
-def _flow_below(link: Link, speed: Vector, body: Inertia, flow: _Flow) -> _Flow:
+def _flow_below(link: Link, speed: Vector, body: Inertia, flow: Flow) -> Flow:
     """The same points from the parent's origin, along its axes, a distance r = a − R b away that
-    changes with ṙ: p' = R p + m ṙ, G' = R G Rᵀ + p' rᵀ + ṙ (R h)ᵀ."""
+    changes with ṙ."""
     R = link.R
+    turned = Flow(rotated(R, flow.p), product(product(R, flow.G), transpose(R)))
     r = difference(link.a, rotated(R, link.b))
-    p = sum_of(rotated(R, flow.p), [_scaled(body.mass, x) for x in speed])
-    turned = product(product(R, flow.G), transpose(R))
-    moved = [[dot([x], [y]) for y in r] for x in p]
-    swung = [[dot([x], [y]) for y in rotated(R, body.moment)] for x in speed]
-    return _Flow(p, _added(turned, _added(moved, swung)))
-
-
-def _scaled(k: Scalar, x: Scalar) -> Scalar:
-    return 0.0 if is_zero(k) or is_zero(x) else times(k, x)
-
-
-def _added(a: Matrix, b: Matrix) -> Matrix:
-    return [sum_of(x, y) for x, y in zip(a, b)]
+    return shifted(turned, body.mass, rotated(R, body.moment), r, speed)
 
 
 def _fill(result: Matrix, tree: _Tree, i: int, number: int) -> None:
@@ -132,11 +107,12 @@ def _fill(result: Matrix, tree: _Tree, i: int, number: int) -> None:
     e, s = _at_origin(link, number)
     j = link.columns[number]
     held = momentum(body, (e, s))
-    couple = sum_of(_swept(transpose(flow.G), e), cross(flow.p, s))
+    couple = flow_couple(flow, (e, s))
     turning = momentum(body, _turned(tree, i, (e, s)))
-    driving = (sum_of(turning[0], _swept(flow.G, e)), sum_of(turning[1], cross(e, flow.p)))
+    driven = flow_wrench(flow, (e, s))
+    driving = (sum_of(turning[0], driven[0]), sum_of(turning[1], driven[1]))
     for other, k in enumerate(link.columns):
-        result[k][j] = _power(driving, _at_origin(link, other))
+        result[k][j] = power(_at_origin(link, other), driving)
     while tree.links[i].parent >= 0:
         below = tree.links[i].parent
         speed = tree.speeds[i]
@@ -146,8 +122,8 @@ def _fill(result: Matrix, tree: _Tree, i: int, number: int) -> None:
         i = below
         for other, k in enumerate(tree.links[i].columns):
             motion = _at_origin(tree.links[i], other)
-            result[k][j] = _power(driving, motion)
-            rate = _power(held, _turned(tree, i, motion))
+            result[k][j] = power(motion, driving)
+            rate = power(_turned(tree, i, motion), held)
             result[j][k] = plus(rate, dot(couple, motion[0]))
 
 
@@ -162,21 +138,3 @@ def _turned(tree: _Tree, i: int, motion: Numbers) -> Numbers:
     """ω × each: directions of a joint turn with its link."""
     omega = tree.omegas[i]
     return cross(omega, motion[0]), cross(omega, motion[1])
-
-
-def _swept(G: Matrix, e: Vector) -> Vector:
-    """tr(G) e − G e, without the diagonal terms that cancel."""
-    return [
-        minus(
-            dot([plus(G[(i + 1) % 3][(i + 1) % 3], G[(i + 2) % 3][(i + 2) % 3])], [e[i]]),
-            dot(
-                [G[i][(i + 1) % 3], G[i][(i + 2) % 3]],
-                [e[(i + 1) % 3], e[(i + 2) % 3]],
-            ),
-        )
-        for i in range(3)
-    ]
-
-
-def _power(wrench: Wrench, motion: Numbers) -> Scalar:
-    return dot([*motion[0], *motion[1]], [*wrench[0], *wrench[1]])

@@ -20,11 +20,13 @@ from derive.joints.rotations import (
     inverse,
     is_zero,
     matrix,
+    matrix_sum,
     merged,
     minus,
     plus,
     product,
     rotated,
+    scaled,
     sum_of,
     transpose,
 )
@@ -215,15 +217,7 @@ def inertia(symbols: Symbols, body: Body) -> Inertia:
     mass, com = symbols.scalar(body.mass), symbols.vector(body.com)
     xx, yy, zz, xy, xz, yz = symbols.vector(body.inertia)
     about_com = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-    return Inertia(mass, _scaled(mass, com), _added(about_com, _steiner(mass, com)))
-
-
-def _scaled(k: Scalar, x: Vector) -> Vector:
-    return [dot([k], [e]) for e in x]
-
-
-def _added(a: Matrix, b: Matrix) -> Matrix:
-    return [sum_of(x, y) for x, y in zip(a, b)]
+    return Inertia(mass, scaled(mass, com), matrix_sum(about_com, _steiner(mass, com)))
 
 
 def _steiner(mass: Scalar, r: Vector) -> Matrix:
@@ -237,7 +231,7 @@ def _steiner(mass: Scalar, r: Vector) -> Matrix:
 def summed(a: Inertia, b: Inertia) -> Inertia:
     """The inertia of two bodies as one rigid link. Both are about the same origin and in the same
     axes, so mass, first moment and tensor simply add: no parallel-axis term."""
-    return Inertia(plus(a.mass, b.mass), sum_of(a.moment, b.moment), _added(a.tensor, b.tensor))
+    return Inertia(plus(a.mass, b.mass), sum_of(a.moment, b.moment), matrix_sum(a.tensor, b.tensor))
 
 
 def moved(i: Inertia, rotation: Rotation, r: Vector) -> Inertia:
@@ -247,7 +241,7 @@ def moved(i: Inertia, rotation: Rotation, r: Vector) -> Inertia:
     then mirrored.
     """
     turned = rotated(matrix(rotation), i.moment)
-    moment = sum_of(turned, _scaled(i.mass, r))
+    moment = sum_of(turned, scaled(i.mass, r))
     tensor = i.tensor
     for factor in reversed(rotation):
         tensor = turned_tensor(tensor, factor)

@@ -23,7 +23,17 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
-from derive.joints.rotations import cross, dot, is_one, is_zero, minus, plus, sum_of, times
+from derive.joints.rotations import (
+    cross,
+    dot,
+    is_one,
+    is_zero,
+    matrix_sum,
+    minus,
+    plus,
+    sum_of,
+    times,
+)
 from derive.mechanics.articulated import Articulated
 from derive.mechanics.links import symmetric
 
@@ -316,9 +326,9 @@ def _articulated(joint: Joint, row: Rows, received: Vector) -> tuple[Articulated
     n = sum_of(received[21:24], cross(omega, spin))
     f = sum_of(received[24:27], cross(omega, cross(omega, joint.moment)))
     body = Articulated(
-        _added(_square(received[:6]), joint.tensor),
-        _added(_whole(received[6:15]), across),
-        _added(_square(received[15:21]), mass),
+        matrix_sum(_square(received[:6]), joint.tensor),
+        matrix_sum(_whole(received[6:15]), across),
+        matrix_sum(_square(received[15:21]), mass),
     )
     return body, n, f
 
@@ -330,10 +340,6 @@ def _square(upper: Sequence[Scalar]) -> Matrix:
 
 def _whole(entries: Sequence[Scalar]) -> Matrix:
     return [list(entries[3 * i : 3 * i + 3]) for i in range(3)]
-
-
-def _added(a: Matrix, b: Matrix) -> Matrix:
-    return [sum_of(x, y) for x, y in zip(a, b)]
 
 
 def _felt(joint: Joint, body: Articulated) -> tuple[Vector, Scalar]:

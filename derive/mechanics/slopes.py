@@ -27,7 +27,7 @@ Echeandia, P. M. Wensing, J. Comput. Nonlinear Dyn. 16 (2021) 021001.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -46,9 +46,19 @@ from derive.joints.rotations import (
     plus,
     product,
     rotated,
+    scaled,
     sum_of,
     times,
     transpose,
+)
+from derive.mechanics.flows import (
+    Flow,
+    combined,
+    flow_couple,
+    flow_wrench,
+    own_flow,
+    power,
+    shifted,
 )
 from derive.mechanics.links import moved, summed, turned_tensor
 from derive.mechanics.records import Inertia, Link
@@ -69,14 +79,6 @@ class Seat:
     motion: tuple[Pair, ...]
     columns: tuple[int, ...]
     arm: Vector
-
-
-@dataclass(frozen=True)
-class Flow:
-    """p and G of a subtree, about P."""
-
-    p: Vector
-    G: Matrix
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class Tree:
         self.speeds = _speeds(self.seats, v)
         self.composites = list(self.bodies)
         formed: list[tuple[Inertia, Flow]] = []
-        self.flows = [_own_flow(b, s.own) for b, s in zip(self.bodies, self.speeds)]
+        self.flows = [own_flow(b, s.own) for b, s in zip(self.bodies, self.speeds)]
         for i in reversed(range(len(links))):
             formed.append(self._formed(i))
         self.formed = formed[::-1]
@@ -135,8 +137,7 @@ class Tree:
             outer, moving = _turned(body, flow, seat.outer)
             below, through = _shifted(outer, moving, seat.arm, speed.rate)
             self.composites[seat.parent] = summed(self.composites[seat.parent], below)
-            own = self.flows[seat.parent]
-            self.flows[seat.parent] = Flow(sum_of(own.p, through.p), _added(own.G, through.G))
+            self.flows[seat.parent] = combined(self.flows[seat.parent], through)
         return body, flow
 
     def masses(self) -> tuple[Matrix, Matrix]:
@@ -146,26 +147,16 @@ class Tree:
             body, flow = self.formed[i]
             for motion, j in zip(seat.motion, seat.columns):
                 held = momentum(body, motion)
-                driving = _sum(_swept_wrench(flow, motion), momentum(body, self._chi(i, motion)))
+                driving = _sum(flow_wrench(flow, motion), momentum(body, self._chi(i, motion)))
                 for other, k in zip(seat.motion, seat.columns):
-                    M[k][j], H[k][j] = _power(other, held), _power(other, driving)
-                couple = _couple(flow, motion)
-                self._fill_masses(M, H, i, j, held, driving, couple)
+                    M[k][j], H[k][j] = power(other, held), power(other, driving)
+                towards = self._towards_base(i, held, driving, flow_couple(flow, motion))
+                for below, held, driving, couple in towards:
+                    for other, k in self._joint(below):
+                        M[k][j] = M[j][k] = power(other, held)
+                        H[k][j] = power(other, driving)
+                        H[j][k] = plus(dot(couple, other[0]), power(self._chi(below, other), held))
         return M, H
-
-    def _fill_masses(
-        self, M: Matrix, H: Matrix, i: int, j: int, held: Wrench, driving: Wrench, couple: Vector
-    ) -> None:
-        while self.seats[i].parent >= 0:
-            held, driving = (self._handed_down(i, x) for x in (held, driving))
-            couple = self._couple_down(i, couple, held)
-            i = self.seats[i].parent
-            held, driving = (self._to_forming(i, x) for x in (held, driving))
-            couple = _spun(self.seats[i].inner, couple)
-            for other, k in zip(self.seats[i].motion, self.seats[i].columns):
-                M[k][j] = M[j][k] = _power(other, held)
-                H[k][j] = _power(other, driving)
-                H[j][k] = plus(dot(couple, other[0]), _power(self._chi(i, other), held))
 
     def displacements(
         self, vdot: Sequence[Scalar], balance: Sequence[Scalar] | None = None
@@ -178,35 +169,37 @@ class Tree:
             body, flow = self.formed[i]
             for motion, j in zip(seat.motion, seat.columns):
                 psi, xi = self._psi(i, motion), self._xi(i, rates[i], motion)
-                twice = _swept_wrench(flow, ([times(2.0, x) for x in psi], NONE))
+                twice = flow_wrench(flow, ([times(2.0, x) for x in psi], NONE))
                 driving = _sum(twice, momentum(body, xi))
                 for other, k in zip(seat.motion, seat.columns):
-                    D[k][j] = _power(other, driving)
+                    D[k][j] = power(other, driving)
                 driving = _sum(driving, _crossed(motion, wrenches[i]))
                 held = momentum(body, motion)
-                self._fill_displacements(D, rates, i, j, held, driving, _couple(flow, motion))
+                towards = self._towards_base(i, held, driving, flow_couple(flow, motion))
+                for below, held, driving, couple in towards:
+                    for other, k in self._joint(below):
+                        D[k][j] = power(other, driving)
+                        swung = dot(couple, [times(2.0, x) for x in self._psi(below, other)])
+                        rate = self._xi(below, rates[below], other)
+                        D[j][k] = plus(swung, power(rate, held))
         return D
 
-    def _fill_displacements(
-        self,
-        D: Matrix,
-        rates: Sequence[Rate],
-        i: int,
-        j: int,
-        held: Wrench,
-        driving: Wrench,
-        couple: Vector,
-    ) -> None:
+    def _joint(self, i: int) -> Iterator[tuple[Pair, int]]:
+        """The motions of a joint, each with the column of its velocity."""
+        return zip(self.seats[i].motion, self.seats[i].columns)
+
+    def _towards_base(
+        self, i: int, held: Wrench, driving: Wrench, couple: Vector
+    ) -> Iterator[tuple[int, Wrench, Wrench, Vector]]:
+        """Each link between link i and the base, with what of a joint of link i reaches it: both
+        wrenches and the couple, in the forming axes of that link."""
         while self.seats[i].parent >= 0:
             held, driving = (self._handed_down(i, x) for x in (held, driving))
             couple = self._couple_down(i, couple, held)
             i = self.seats[i].parent
             held, driving = (self._to_forming(i, x) for x in (held, driving))
             couple = _spun(self.seats[i].inner, couple)
-            for other, k in zip(self.seats[i].motion, self.seats[i].columns):
-                D[k][j] = _power(other, driving)
-                swung = dot(couple, [times(2.0, x) for x in self._psi(i, other)])
-                D[j][k] = plus(swung, _power(self._xi(i, rates[i], other), held))
+            yield i, held, driving, couple
 
     def weights(self) -> Vector:
         """The part of h that gravity has."""
@@ -327,7 +320,7 @@ def _nearest(link: Link, points: Sequence[Vector]) -> Vector | None:
     way = dot(along, _arm(link, points))
     if is_zero(way):
         return None
-    return difference(link.b, [_scaled(way, x) for x in motion])
+    return difference(link.b, scaled(way, motion))
 
 
 def _arm(link: Link, points: Sequence[Vector]) -> Vector:
@@ -433,7 +426,7 @@ def _inertia_force(body: Inertia, omega: Vector, rate: Pair) -> Wrench:
     """Newton–Euler at P: f = m a + A h, n = I α + ω × I ω + h × a."""
     alpha, a = rate
     force = rotated(spin_matrix(omega, alpha), body.moment)
-    force = sum_of(force, [_scaled(body.mass, x) for x in a])
+    force = sum_of(force, scaled(body.mass, a))
     spin = [dot(row, omega) for row in body.tensor]
     moment = sum_of([dot(row, alpha) for row in body.tensor], cross(omega, spin))
     return sum_of(moment, cross(body.moment, a)), force
@@ -448,15 +441,6 @@ def _balanced(seat: Seat, wrench: Wrench, balance: Sequence[Scalar] | None) -> W
     if len(places) == 1 and motion[places[0]] in (1.0, -1.0):
         entries[places[0]] = times(motion[places[0]], balance[seat.columns[0]])
     return entries[:3], entries[3:]
-
-
-def _own_flow(body: Inertia, omega: Vector) -> Flow:
-    """Points that turn with the link, ẋ = ω × x: p = ω × h, G = ω × ∫ x xᵀ dm."""
-    half = times(0.5, plus(plus(body.tensor[0][0], body.tensor[1][1]), body.tensor[2][2]))
-    second = [
-        [minus(half if i == j else 0.0, body.tensor[i][j]) for j in range(3)] for i in range(3)
-    ]
-    return Flow(cross(omega, body.moment), transpose([cross(omega, x) for x in second]))
 
 
 def _turned(body: Inertia, flow: Flow, rotation: Rotation) -> tuple[Inertia, Flow]:
@@ -489,53 +473,15 @@ def _turned_flow(G: Matrix, factor: Turn | Still) -> Matrix:
 
 
 def _shifted(body: Inertia, flow: Flow, r: Vector, rate: Vector) -> tuple[Inertia, Flow]:
-    """About a point −r away that moves with −ṙ: p' = p + m ṙ, G' = G + p' rᵀ + ṙ hᵀ."""
-    p = sum_of(flow.p, [_scaled(body.mass, x) for x in rate])
-    outer = [[dot([a], [b]) for b in r] for a in p]
-    swung = [[dot([a], [b]) for b in body.moment] for a in rate]
-    return moved(body, (), r), Flow(p, _added(_added(flow.G, outer), swung))
-
-
-def _scaled(k: Scalar, x: Scalar) -> Scalar:
-    return 0.0 if is_zero(k) or is_zero(x) else times(k, x)
-
-
-def _added(a: Matrix, b: Matrix) -> Matrix:
-    return [sum_of(x, y) for x, y in zip(a, b)]
+    """About a point −r away that moves with −ṙ."""
+    return moved(body, (), r), shifted(flow, body.mass, body.moment, r, rate)
 
 
 def _sum(a: Wrench, b: Wrench) -> Wrench:
     return sum_of(a[0], b[0]), sum_of(a[1], b[1])
 
 
-def _swept_wrench(flow: Flow, motion: Pair) -> Wrench:
-    """B (e, s)."""
-    return _swept(flow.G, motion[0]), cross(motion[0], flow.p)
-
-
-def _couple(flow: Flow, motion: Pair) -> Vector:
-    return sum_of(_swept(transpose(flow.G), motion[0]), cross(flow.p, motion[1]))
-
-
-def _swept(G: Matrix, e: Vector) -> Vector:
-    """tr(G) e − G e, without the diagonal terms that cancel."""
-    return [
-        minus(
-            dot([plus(G[(i + 1) % 3][(i + 1) % 3], G[(i + 2) % 3][(i + 2) % 3])], [e[i]]),
-            dot(
-                [G[i][(i + 1) % 3], G[i][(i + 2) % 3]],
-                [e[(i + 1) % 3], e[(i + 2) % 3]],
-            ),
-        )
-        for i in range(3)
-    ]
-
-
 def _crossed(motion: Pair, wrench: Wrench) -> Wrench:
     """The rate of a wrench that is turned and shifted with the motion."""
     (e, s), (n, f) = motion, wrench
     return sum_of(cross(e, n), cross(s, f)), cross(e, f)
-
-
-def _power(motion: Pair, wrench: Wrench) -> Scalar:
-    return dot([*motion[0], *motion[1]], [*wrench[0], *wrench[1]])

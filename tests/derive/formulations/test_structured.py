@@ -2,7 +2,7 @@
 them.
 
 Of derive.formulations: contraction, derivatives, structured.
-Of derive.mechanics: slopes.
+Of derive.mechanics: flows, slopes.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ def _matrix(rows: Matrix) -> ca.SX:
     return ca.vertcat(*(ca.horzcat(*row) for row in rows))
 
 
-@pytest.mark.parametrize("planted", ["_couple", "_swept_wrench", "_crossed"])
+@pytest.mark.parametrize("planted", ["flow_couple", "flow_wrench", "_crossed"])
 def test_a_wrong_recursion_is_seen(planted: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is carried to the base, too large by a thousandth."""
     right = getattr(slopes, planted)

@@ -15,7 +15,7 @@ from typing import Any
 
 from derive.diagnostics import ModelError, ToolchainError
 from hamel.build.files import writing
-from hamel.sweep.needs import library
+from hamel.optional import library
 from hamel.sweep.work import Held, all_of, written
 
 PLAN, CHUNKS, GROUPS = "sweep.json", "chunks", "groups"

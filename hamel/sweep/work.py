@@ -16,10 +16,10 @@ import numpy as np
 import hamel
 from derive.diagnostics import ToolchainError
 from hamel.build import store
+from hamel.optional import library
 from hamel.sweep.artefact import unpacked
 from hamel.sweep.chunk import GOOD, Chunk, cause, made, studied
 from hamel.sweep.job import Job, Motions, of_payload
-from hamel.sweep.needs import library
 from hamel.sweep.summary import merged, of_json, summary
 
 JOB = "sweep"  # the kind of entry in the store

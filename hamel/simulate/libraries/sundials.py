@@ -112,7 +112,7 @@ def _multipliers(problem: Problem, kept: list[int]) -> np.ndarray:
 def _independent_rows(equations: Equations) -> list[int]:
     """The independent rows, by the names that their own function shows; without such a function no
     row says anything."""
-    if not any(request.name == "slip" for request in equations.requests):
+    if not equations.offers("slip"):
         return []
     names = [row.name for row in equations.system.rows]
     slip = equations.request("slip").function

@@ -157,7 +157,7 @@ def test_series_keep_the_limits_of_joints(motion):
         (lambda names, rows: (names, rows[::-1]), "even steps"),
         (lambda names, rows: (names, rows[:5]), "5 rows"),
         (lambda names, rows: (["t", "t", *names[2:]], rows), "there twice"),
-        (lambda names, rows: (names[:-1], rows), "names, but other rows"),
+        (lambda names, rows: (names[:-1], rows), "names over"),
     ],
 )
 def test_files_that_are_wrong_are_refused(motion, tmp_path, change, message):

@@ -75,8 +75,8 @@ STEPPED = ("jacobian_u", "jacobian_forward")  # what the sensitivity of a step c
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
 FOLDER = Path(__file__).parents[1] / "runtime"
 STEP = "runtime_step.h"  # for modules that have a step alone
-FMI = "runtime_fmi"  # headers of FMUs
-RUNTIME = tuple(p for p in sorted(FOLDER.glob("runtime_*.h")) if not p.name.startswith(FMI))
+OTHERS = ("runtime_fmi", "runtime_module")  # headers of FMUs and of the extension
+RUNTIME = tuple(p for p in sorted(FOLDER.glob("runtime_*.h")) if not p.name.startswith(OTHERS))
 # Python files that are the same in every folder
 SHARED = (
     "simulation",

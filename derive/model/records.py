@@ -170,7 +170,11 @@ class Joint:
 @dataclass(frozen=True)
 class Closure:
     """A joint that closes a loop; the first body is the joint's parent, `pitch` and `axis2` are as
-    with joints."""
+    with joints.
+
+    `along` says along whose axes points that meet are measured: 0 and 1 are the joint frames on the
+    two bodies. The ground's, unless these say what others do not.
+    """
 
     name: str
     type: str
@@ -180,6 +184,7 @@ class Closure:
     span: Span
     axis2: Vector3 | None = None
     pitch: Expression = ZERO
+    along: int = -1
 
 
 class Constraint(Protocol):

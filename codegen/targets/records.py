@@ -10,6 +10,7 @@ from codegen.program import Kernel, Program
 
 # entries of the state up to which matrices of derivatives are made for a target
 WIDEST = 200
+MATRICES = ("jacobian", "derivatives", "dynamics_hessian")
 
 
 def _fits(program: Program) -> str:
@@ -40,7 +41,7 @@ def affordable(needs: Collection[str], states: int) -> tuple[str, ...]:
     matrices, which have a million entries for a thousand."""
     if states <= WIDEST:
         return tuple(needs)
-    return tuple(name for name in needs if not name.startswith(("jacobian", "dynamics_hessian")))
+    return tuple(name for name in needs if not name.startswith(MATRICES))
 
 
 def is_apart(kernel: Kernel) -> bool:

@@ -26,7 +26,7 @@ from rich.console import Console
 from codegen.emit import on_request
 from codegen.program import Program
 from codegen.targets import ON_REQUEST
-from derive.diagnostics import AssumptionError, HamelError
+from derive.diagnostics import HamelError
 from derive.formulations.records import Equations
 from hamel.build.options import BuildOptions
 from hamel.build.stages import equations_of, program_for

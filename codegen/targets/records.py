@@ -44,6 +44,24 @@ def affordable(needs: Collection[str], states: int) -> tuple[str, ...]:
     return tuple(name for name in needs if not name.startswith(MATRICES))
 
 
+def unsteady(program: Program, taker: str) -> str:
+    """Why a program has no state of one meaning, which `taker` needs; nothing where it has."""
+    if not program.simulates:
+        return "it has no state derivative"
+    if program.charts:
+        names = ", ".join(chart.choice for chart in program.charts)
+        return (
+            f"its state changes its meaning on the way, from one of the charts {names} to another; "
+            f"{taker} takes one choice: name it with --choice"
+        )
+    if program.frame:
+        return (
+            f"the quasi-velocities of the choice {program.choice} are based anew on the way; "
+            f"{taker} takes another choice"
+        )
+    return ""
+
+
 def is_apart(kernel: Kernel) -> bool:
     """Whether a function has a file of its own."""
     return kernel.rolled is not None or is_long(kernel)

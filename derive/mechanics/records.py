@@ -13,6 +13,7 @@ import casadi as ca
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.records import Rotation
+from derive.mechanics.limits import LONG
 from derive.mechanics.symbols import Symbols
 from derive.model.records import FirstOrderState, Model, Parameter
 
@@ -164,6 +165,11 @@ class System:
     assumptions: tuple[str, ...]
     z: ca.SX  # first-order states
     zdot: ca.SX  # their rates, of t, q, v, u, p and z
+
+    @property
+    def long(self) -> bool:
+        """A tree of so many links that what grows with them is made on demand alone."""
+        return len(self.links) >= LONG and not self.rows and not self.written
 
     @property
     def given(self) -> tuple[Parameter | FirstOrderState, ...]:

@@ -17,7 +17,7 @@ from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.blocks import blocks
 from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
-from derive.mechanics.limits import FEW, MOST_ENTRIES, REGULAR
+from derive.mechanics.limits import FEW, LONG, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
 from derive.mechanics.measures import with_measures
@@ -104,10 +104,8 @@ def _assembled(
     model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
     inertias = _inertias(links)
     loads, nonideal = forces
-    written = (
-        sum(len(path(links, i)) for i in range(len(links))) <= MOST_ENTRIES
-        or not nonideal.is_zero()
-    )
+    tied = any(block.rows for block in found)
+    written = _is_short(links, tied) or not nonideal.is_zero()
     M = _mass(links, inertias, nv) + extra.M if written else ca.SX(nv, nv)
     h = _newton_euler(links, inertias, _entries(s.v), [0.0] * nv, g) + extra.h
     A, c, beta = _rows(scene, numbers, [row for block in found for row in block.ways[0]])
@@ -174,6 +172,16 @@ def _assembled(
         zdot=zdot,
     )
     return result, nonideal
+
+
+def _is_short(links: Sequence[Link], tied: bool) -> bool:
+    """Whether M has few entries; that of many links is needed only where they are tied."""
+    entries = 0
+    depth: list[int] = []
+    for link in links:
+        depth.append(1 + (depth[link.parent] if link.parent >= 0 else 0))
+        entries += depth[-1]
+    return entries <= MOST_ENTRIES and (tied or len(links) < LONG)
 
 
 def _mass(links: Sequence[Link], sets: Sequence[Sequence[Inertia]], nv: int) -> ca.SX:

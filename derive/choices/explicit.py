@@ -47,10 +47,10 @@ class Explicit:
     qdot: ca.SX
     operations: int  # none where they are not written out
     gathered: str
-    wdot: Term = Term()
-    vdot: Term = Term()
-    mass: Term = Term()
-    force: Term = Term()
+    wdot: Term[ca.SX] = Term()
+    vdot: Term[ca.SX] = Term()
+    mass: Term[ca.SX] = Term()
+    force: Term[ca.SX] = Term()
 
     def named(self, reduction: Reduction) -> tuple[Named, ...]:
         """What the generated code names its sections after."""
@@ -103,8 +103,8 @@ def _deferred(system: System, reduction: Reduction) -> Explicit:
     def found() -> _Gathered:
         return _articulated(system, reduction)[0]
 
-    def late(make: Callable[[], ca.SX]) -> Deferred:
-        return Deferred(len(reduction.names), make)
+    def late(make: Callable[[], ca.SX]) -> Deferred[ca.SX]:
+        return Deferred(make, len(reduction.names))
 
     return Explicit(
         qdot=ca.substitute(system.qdot, system.v, reduction.v),

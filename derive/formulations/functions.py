@@ -38,8 +38,8 @@ class Minimal:
     c: ca.SX
     beta: ca.SX
     lam: ca.SX
-    mass: Term = Term()
-    force: Term = Term()
+    mass: Term[ca.SX] = Term()
+    force: Term[ca.SX] = Term()
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ class Motion:
     kept: tuple[int, ...]  # independent constraint rows
     closing: tuple[int, ...]  # independent rows among the holonomic ones
     projects_velocity: bool
-    wdot: Term = Term()
-    vdot: Term = Term()
+    wdot: Term[ca.SX] = Term()
+    vdot: Term[ca.SX] = Term()
     frame: Frame | None = None
     minimal: Minimal | None = None  # none where w are all of v, held by forces
 
@@ -153,7 +153,7 @@ def _dynamics(system: System, motion: Motion) -> Function:
         return ca.vertcat(motion.qdot, motion.wdot, at_motion(system, motion, system.zdot))
 
     late = is_deferred(motion, "wdot")
-    given = Deferred(len(labels), value) if late else value()
+    given = Deferred(value, len(labels)) if late else value()
     result = Result("xdot", given, tuple(labels), tuple(units))
     about = "state derivative: q̇ = N v, " + (_BASE if motion.projects_velocity else _REDUCED)
     about += ", ż as the model gives it" if system.model.states else ""
@@ -187,9 +187,9 @@ def per_second(unit: str) -> str:
     return f"{unit}/s" if unit and unit != "1" else "1/s"
 
 
-def _formed(system: System, size: int, make: Callable[[], ca.SX]) -> ca.SX | Deferred:
+def _formed(system: System, size: int, make: Callable[[], ca.SX]) -> ca.SX | Deferred[ca.SX]:
     """Now, or for a long tree on demand."""
-    return Deferred(size, make) if system.long else make()
+    return Deferred(make, size) if system.long else make()
 
 
 def _mass(system: System) -> Function:

@@ -59,7 +59,7 @@ class Result:
     """
 
     name: str
-    value: Term = Term()
+    value: Term[ca.SX] = Term()
     labels: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     matrix: bool = False

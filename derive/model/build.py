@@ -25,8 +25,8 @@ from derive.model import (
 )
 from derive.model.collisions import check_collisions
 from derive.model.document import MOST_BODIES, Key, Scalar, Source
-from derive.model.entries import Entry
 from derive.model.frames import Frame, Names
+from derive.model.keys import Entry
 from derive.model.loads.expression import generalised_force
 from derive.model.loads.in_joint import in_joint
 from derive.model.massless import check_tips

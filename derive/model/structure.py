@@ -12,7 +12,7 @@ from derive.diagnostics import Diagnostic, ModelError, did_you_mean, distinct, l
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit as unit_of
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source, described
-from derive.model.entries import Entry
+from derive.model.keys import Entry
 from derive.model.records import Span
 from derive.model.shape import Document
 

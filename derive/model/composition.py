@@ -32,8 +32,10 @@ class SubmodelEntry(Entry):
     ) = Field(
         None,
         description="What the ground of that file is here: a body, or a frame on one (body:, "
-        "position:, rpy:). The ground when left out.",
-        json_schema_extra=term("the body that its ground becomes, and a frame on it"),
+        "position:, rpy:).",
+        json_schema_extra=term(
+            "the body that its ground becomes, and a frame on it", otherwise="ground"
+        ),
     )
     about: Text | None = Field(
         None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")

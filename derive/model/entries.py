@@ -61,13 +61,15 @@ class TableEntry(Entry):
     )
     units: Units | None = Field(
         None,
-        description="Units of x and y; plain numbers if left out.",
-        json_schema_extra=term("factors to SI of both columns"),
+        description="Units of x and y.",
+        json_schema_extra=term("factors to SI of both columns", otherwise="plain numbers"),
     )
     smooth: Word | None = Field(
         None,
-        description="C2, the natural spline (when left out), or C1, which keeps rising rising.",
-        json_schema_extra=term("the cubics between points: natural spline, or Fritsch and Carlson"),
+        description="C2, the natural spline, or C1, which keeps rising what rises.",
+        json_schema_extra=term(
+            "the cubics between points: natural spline, or Fritsch and Carlson", otherwise="C2"
+        ),
     )
     about: Text | None = Field(
         None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
@@ -98,8 +100,10 @@ class InertiaEntry(Entry):
     )
     about: Word | None = Field(
         None,
-        description="com (when left out) or origin: the point the tensor is about.",
-        json_schema_extra=term("J about the origin loses the part m(r·r E − r rᵀ) of the centre"),
+        description="com or origin: the point the tensor is about.",
+        json_schema_extra=term(
+            "J about the origin loses the part m(r·r E − r rᵀ) of the centre", otherwise="com"
+        ),
     )
     frame: TurnedEntry | None = Field(
         None,
@@ -125,23 +129,21 @@ class BodyEntry(Entry):
     )
     com: Constants | None = Field(
         None,
-        description="Centre of mass in the body's frame; its origin when left out.",
-        json_schema_extra=term("r of the centre of mass", "m"),
+        description="Centre of mass in the body's frame.",
+        json_schema_extra=term("r of the centre of mass", "m", "its origin"),
     )
     inertia: Inertia | None = Field(
         None,
         description="About the centre of mass: one moment in a planar model; in space one (a "
-        "sphere), three (xx, yy, zz) or six "
-        "(xx, yy, zz, xy, xz, yz, tensor entries); or a mapping that says which point and frame "
-        "it refers to. A point mass when "
-        "left out.",
-        json_schema_extra=term("J in T = ½ ω·J ω", "kg*m^2"),
+        "sphere), three (xx, yy, zz) or six (xx, yy, zz, xy, xz, yz, tensor entries); or a "
+        "mapping that says which point and frame it refers to.",
+        json_schema_extra=term("J in T = ½ ω·J ω", "kg*m^2", "0, a point mass"),
     )
     physical: Word | None = Field(
         None,
-        description="false: the inertia is taken as it is, though no body can have it (identified "
-        "sets); true when left out.",
-        json_schema_extra=term("nothing; waives the test that such a J can be"),
+        description="false: the inertia is taken as it is, though no body can have it "
+        "(identified sets).",
+        json_schema_extra=term("nothing; waives the test that such a J can be", otherwise="true"),
     )
     about: Text | None = Field(
         None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
@@ -187,8 +189,8 @@ class JointSpringEntry(Entry):
     )
     rest: Constant | None = Field(
         None,
-        description="Where it is slack; 0 when left out.",
-        json_schema_extra=term("q₀ in V = ½ k (q − q₀)²", "m | rad"),
+        description="Where it is slack.",
+        json_schema_extra=term("q₀ in V = ½ k (q − q₀)²", "m | rad", "0"),
     )
 
 
@@ -257,8 +259,8 @@ class JointEntry(TurnedEntry):
     )
     coordinate: Named | None = Field(
         None,
-        description="Name of the joint's one coordinate; the joint's own name when left out.",
-        json_schema_extra=term("name of the entry of q"),
+        description="Name of the joint's one coordinate.",
+        json_schema_extra=term("name of the entry of q", otherwise="the joint's own name"),
     )
     coordinates: NameList | None = Field(
         None,
@@ -272,9 +274,9 @@ class JointEntry(TurnedEntry):
     )
     orientation: Orientation | None = Field(
         None,
-        description="Free joint: quaternion (when left out), or a mapping with an Euler "
-        "sequence and names of the angles.",
-        json_schema_extra=term("names and kind of the other entries of q"),
+        description="Free joint: quaternion, or a mapping with an Euler sequence and names of "
+        "the angles.",
+        json_schema_extra=term("names and kind of the other entries of q", otherwise="quaternion"),
     )
     limits: Constants | None = Field(
         None,
@@ -356,8 +358,8 @@ class InputEntry(Entry):
     )
     gear: Constant | None = Field(
         None,
-        description="Force or torque at the joint per input; 1 when left out.",
-        json_schema_extra=term("n in Q = n u"),
+        description="Force or torque at the joint per input.",
+        json_schema_extra=term("n in Q = n u", otherwise="1"),
     )
     rotor_inertia: Constant | None = Field(
         None,
@@ -381,13 +383,13 @@ class StateEntry(Entry):
     )
     initial: Constant | None = Field(
         None,
-        description="Its value at t = 0; 0 when left out.",
-        json_schema_extra=term("z at t = 0"),
+        description="Its value at t = 0.",
+        json_schema_extra=term("z at t = 0", otherwise="0"),
     )
     unit: Unit | None = Field(
         None,
-        description="Its unit; that of `initial` when left out.",
-        json_schema_extra=term("unit of the entry of z"),
+        description="Its unit.",
+        json_schema_extra=term("unit of the entry of z", otherwise="that of `initial`"),
     )
     energy: Formula | None = Field(
         None,
@@ -422,13 +424,13 @@ class PulleyEntry(Entry):
     )
     axis: Direction | None = Field(
         None,
-        description="Its axis in the body's frame; the normal of a planar model.",
-        json_schema_extra=term("normal of the plane of the arc", "1"),
+        description="Its axis in the body's frame.",
+        json_schema_extra=term("normal of the plane of the arc", "1", "normal of a planar model"),
     )
     turns: Constant | None = Field(
         None,
-        description="Whole turns besides; 0 when left out.",
-        json_schema_extra=term("n in the arc R (θ + 2π n)", "1"),
+        description="Whole turns besides.",
+        json_schema_extra=term("n in the arc R (θ + 2π n)", "1", "0"),
     )
 
 
@@ -440,8 +442,8 @@ class WaypointEntry(Entry):
     )
     at: Constants | None = Field(
         None,
-        description="The point, or the pulley's centre, in the body's frame; its origin.",
-        json_schema_extra=term("r of the point; ℓ = Σ |rᵢ₊₁ − rᵢ| + arcs", "m"),
+        description="The point, or the pulley's centre, in the body's frame.",
+        json_schema_extra=term("r of the point; ℓ = Σ |rᵢ₊₁ − rᵢ| + arcs", "m", "its origin"),
     )
     pulley: PulleyEntry | None = Field(
         None, description="What it goes round there.", json_schema_extra=term("an arc of ℓ")

@@ -116,11 +116,12 @@ Units = Annotated[Items, ListKind("unit")]
 Nested = Annotated[Items, _Nested]
 
 
-def term(equations: str = "", unit: str = "") -> dict[str, Any]:
-    """For `json_schema_extra` of a key: what becomes of it in the equations, and its unit in SI;
-    with `|` between units where it depends on what the entry acts on."""
-    found = {"equations": equations, "unit": unit}
-    return {name: text for name, text in found.items() if text}
+def term(equations: str, unit: str = "", otherwise: str = "") -> dict[str, Any]:
+    """For `json_schema_extra` of a key: what becomes of it in the equations; its unit in SI, with
+    `|` between units where it depends on what the entry acts on; what holds where it is left
+    out."""
+    given = {"equations": equations, "unit": unit, "otherwise": otherwise}
+    return {name: text for name, text in given.items() if text}
 
 
 def told_by(**tags: Callable[[Any], bool]) -> Discriminator:

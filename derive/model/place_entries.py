@@ -51,8 +51,8 @@ class SideEntry(TurnedEntry):
 
     position: Constants | None = Field(
         None,
-        description="The point; the body's origin when left out.",
-        json_schema_extra=term("r in p = r₀ + R r", "m"),
+        description="The point.",
+        json_schema_extra=term("r in p = r₀ + R r", "m", "the body's origin"),
     )
 
 
@@ -82,19 +82,19 @@ class SidesEntry(Entry):
 
     parent: Side | None = Field(
         None,
-        description="In the parent; its origin when left out.",
-        json_schema_extra=term("r and R of the joint's frame in the parent", "m"),
+        description="In the parent.",
+        json_schema_extra=term("r and R of the joint's frame in the parent", "m", "its origin"),
     )
     child: Side | None = Field(
         None,
-        description="In the child; its origin when left out.",
-        json_schema_extra=term("r and R of the joint's frame in the child", "m"),
+        description="In the child.",
+        json_schema_extra=term("r and R of the joint's frame in the child", "m", "its origin"),
     )
 
 
 JointPlace = Annotated[
-    Annotated[Sides, Tag("<a pair of points>")]
-    | Annotated[Constants, Tag("<a point>")]
-    | Annotated[SidesEntry, Tag("<parent and child>")],
+    Annotated[SidesEntry, Tag("<parent and child>")]
+    | Annotated[Sides, Tag("<a pair of points>")]
+    | Annotated[Constants, Tag("<a point>")],
     told_by(**{"a pair of points": is_pair, "a point": is_list, "parent and child": is_mapping}),
 ]

@@ -264,8 +264,18 @@ def json_schema(joints: tuple[str, ...], closures: tuple[str, ...]) -> dict[str,
                 "const": kind,
                 "description": "Kind of entry.",
             }
+    for owner in (schema, *definitions.values()):
+        _say_defaults(owner.get("properties", {}))
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
         "title": "hamel model",
     }
+
+
+def _say_defaults(properties: dict[str, dict[str, Any]]) -> None:
+    """Editors show the description and nothing else: what holds where a key is left out goes
+    there."""
+    for said in properties.values():
+        if "otherwise" in said:
+            said["description"] += f" When left out: {said['otherwise']}."

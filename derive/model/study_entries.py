@@ -34,8 +34,8 @@ class ReferenceEntry(Entry):
     )
     time: Constant | None = Field(
         None,
-        description="When, in seconds after the initial state (default: there).",
-        json_schema_extra=term("t of the comparison", "s"),
+        description="When, in seconds after the initial state.",
+        json_schema_extra=term("t of the comparison", "s", "0"),
     )
     tolerance: Constant = Field(
         description="Relative error that is allowed.",
@@ -79,39 +79,40 @@ class ExtremeEntry(Entry):
     )
     integrator: Word | None = Field(
         None,
-        description="How to step (default: dop853).",
-        json_schema_extra=term("the method of steps"),
+        description="How to step.",
+        json_schema_extra=term("the method of steps", otherwise="dop853"),
     )
     enforcement: Word | None = Field(
         None,
-        description="How to stay on the constraints (default: projection).",
-        json_schema_extra=term("how φ = 0 and A v = c are kept"),
+        description="How to stay on the constraints.",
+        json_schema_extra=term("how φ = 0 and A v = c are kept", otherwise="projection"),
     )
     choice: Word | None = Field(
         None,
-        description="The choice of quasi-velocities (default: the file's first).",
-        json_schema_extra=term("w"),
+        description="The choice of quasi-velocities.",
+        json_schema_extra=term("w", otherwise="the file's first"),
     )
     real: Word | None = Field(
         None,
-        description="What the code computes in: float64 or float32 (default: float64).",
-        json_schema_extra=term("the floating-point numbers of the C code"),
+        description="What the code computes in: float64 or float32.",
+        json_schema_extra=term("the floating-point numbers of the C code", otherwise="float64"),
     )
     rtol: Constant | None = Field(
         None,
-        description="Relative tolerance of a step (default: 1e-11, in float32 1e-6).",
-        json_schema_extra=term("error that a step may have", "1"),
+        description="Relative tolerance of a step.",
+        json_schema_extra=term("error that a step may have", "1", "1e-11, in float32 1e-6"),
     )
     tolerance: Constant | None = Field(
         None,
-        description="Relative error that is allowed; when left out it is only reported.",
-        json_schema_extra=term("bound of the relative error at the end", "1"),
+        description="Relative error that is allowed.",
+        json_schema_extra=term("bound of the relative error at the end", "1", "only reported"),
     )
     end: dict[Name, Constant] = Field(
         {},
-        description="Coordinates and velocities at the end, in closed form; when left out, many "
-        "digits are computed.",
-        json_schema_extra=term("q and v at the end, in their units"),
+        description="Coordinates and velocities at the end, in closed form.",
+        json_schema_extra=term(
+            "q and v at the end, in their units", otherwise="computed with many digits"
+        ),
     )
     refused: Text | None = Field(
         None,
@@ -127,13 +128,13 @@ class EventEntry(Entry):
     )
     direction: Word | None = Field(
         None,
-        description="rising, falling, or both (when left out).",
-        json_schema_extra=term("sign of its rate where a zero counts"),
+        description="rising, falling, or both.",
+        json_schema_extra=term("sign of its rate where a zero counts", otherwise="both"),
     )
     stop: Word | None = Field(
         None,
-        description="true: the motion ends there; false (when left out): it is counted.",
-        json_schema_extra=term("the end of the motion"),
+        description="true: the motion ends there; false: it is counted.",
+        json_schema_extra=term("the end of the motion", otherwise="false"),
     )
 
 

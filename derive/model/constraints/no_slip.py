@@ -22,8 +22,8 @@ class NoSlipEntry(Entry):
     body: Named = Field(description="The body.", json_schema_extra=term("the body of p"))
     at: Constants | None = Field(
         None,
-        description="The point, in the body's frame; its origin when left out.",
-        json_schema_extra=term("p", "m"),
+        description="The point, in the body's frame.",
+        json_schema_extra=term("p", "m", "its origin"),
     )
     direction: Direction = Field(
         description="The direction in which it does not slip, in the body's frame.",

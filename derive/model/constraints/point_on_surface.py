@@ -29,8 +29,8 @@ class OnSurfaceEntry(Entry):
     body: Named = Field(description="The body.", json_schema_extra=term("the body of p"))
     at: Constants | None = Field(
         None,
-        description="The point, in the body's frame; its origin when left out.",
-        json_schema_extra=term("p", "m"),
+        description="The point, in the body's frame.",
+        json_schema_extra=term("p", "m", "its origin"),
     )
     surface: Formula = Field(
         description="Formula that is zero on the surface; x, y, z are coordinates in the frame "
@@ -39,8 +39,8 @@ class OnSurfaceEntry(Entry):
     )
     of: Named | None = Field(
         None,
-        description="The body the surface is fixed to; ground when left out.",
-        json_schema_extra=term("the frame of x, y, z"),
+        description="The body the surface is fixed to.",
+        json_schema_extra=term("the frame of x, y, z", otherwise="ground"),
     )
     about: Text | None = Field(
         None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")

@@ -93,8 +93,8 @@ class PlaneEntry(Entry):
     )
     of: Named | None = Field(
         None,
-        description="The body the plane is fixed to; ground when left out.",
-        json_schema_extra=term("the frame of n"),
+        description="The body the plane is fixed to.",
+        json_schema_extra=term("the frame of n", otherwise="ground"),
     )
 
 
@@ -111,8 +111,8 @@ class RollingEntry(Entry):
     body: Named = Field(description="The body.", json_schema_extra=term("the body that rolls"))
     at: Constants | None = Field(
         None,
-        description="Centre of the shape, in the body's frame; its origin when left out.",
-        json_schema_extra=term("centre of the shape", "m"),
+        description="Centre of the shape, in the body's frame.",
+        json_schema_extra=term("centre of the shape", "m", "its origin"),
     )
     shape: ShapeEntry = Field(
         description="What rolls.", json_schema_extra=term("where the point of contact is")
@@ -128,8 +128,8 @@ class RollingEntry(Entry):
     )
     of: Named | None = Field(
         None,
-        description="The body of the surface; ground when left out.",
-        json_schema_extra=term("the frame of x, y, z"),
+        description="The body of the surface.",
+        json_schema_extra=term("the frame of x, y, z", otherwise="ground"),
     )
     about: Text | None = Field(
         None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")

@@ -32,8 +32,8 @@ class BushingEntry(Entry):
     )
     at: Sides | None = Field(
         None,
-        description="Where the frame sits in each of the two; their origins when left out.",
-        json_schema_extra=term("r and R of the frames", "m"),
+        description="Where the frame sits in each of the two.",
+        json_schema_extra=term("r and R of the frames", "m", "their origins"),
     )
     stiffness: ConstantOrList | None = Field(
         None,

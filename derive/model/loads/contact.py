@@ -45,13 +45,13 @@ class TyreEntry(Entry):
 
     longitudinal: CurveEntry | None = Field(
         None,
-        description="Over the slip (r w - v)/|v|; none when left out.",
-        json_schema_extra=term("force per N over s = (r ω − v)/|v|"),
+        description="Over the slip (r w - v)/|v|.",
+        json_schema_extra=term("force per N over s = (r ω − v)/|v|", otherwise="none"),
     )
     lateral: CurveEntry | None = Field(
         None,
-        description="Over the slip angle; none when left out.",
-        json_schema_extra=term("force per N over the slip angle"),
+        description="Over the slip angle.",
+        json_schema_extra=term("force per N over the slip angle", otherwise="none"),
     )
 
 
@@ -64,13 +64,13 @@ class ContactEntry(Entry):
     body: Named = Field(description="The body.", json_schema_extra=term("the body pressed"))
     at: Constants | None = Field(
         None,
-        description="The point, or the shape's centre, in the body's frame; its origin.",
-        json_schema_extra=term("r of the centre", "m"),
+        description="The point, or the shape's centre, in the body's frame.",
+        json_schema_extra=term("r of the centre", "m", "its origin"),
     )
     shape: ShapeEntry | None = Field(
         None,
-        description="What touches; a point when left out.",
-        json_schema_extra=term("where the point of contact is"),
+        description="What touches.",
+        json_schema_extra=term("where the point of contact is", otherwise="a point"),
     )
     plane: PlaneEntry | None = Field(
         None,
@@ -85,8 +85,8 @@ class ContactEntry(Entry):
     )
     of: Named | None = Field(
         None,
-        description="The body of the surface; ground when left out.",
-        json_schema_extra=term("the frame of x, y, z"),
+        description="The body of the surface.",
+        json_schema_extra=term("the frame of x, y, z", otherwise="ground"),
     )
     stiffness: Constant = Field(
         description="Pressure per depth.", json_schema_extra=term("k", "N/m")
@@ -94,12 +94,12 @@ class ContactEntry(Entry):
     damping: Constant | None = Field(
         None,
         description="d of pressure = stiffness*depth*max(0, 1 + d*rate of the depth).",
-        json_schema_extra=term("d", "s/m"),
+        json_schema_extra=term("d", "s/m", "0"),
     )
     friction: Constant | None = Field(
         None,
         description="Coefficient of friction.",
-        json_schema_extra=term("μ in −μ N v/√(v² + ε²)", "1"),
+        json_schema_extra=term("μ in −μ N v/√(v² + ε²)", "1", "0"),
     )
     tyre: TyreEntry | None = Field(
         None,

@@ -22,8 +22,8 @@ class ForceEntry(Entry):
     body: Named = Field(description="The body.", json_schema_extra=term("the body of J"))
     at: Constants | None = Field(
         None,
-        description="The point, in the body's frame; its origin when left out.",
-        json_schema_extra=term("the point of J", "m"),
+        description="The point, in the body's frame.",
+        json_schema_extra=term("the point of J", "m", "its origin"),
     )
     components: Formulas = Field(
         description="The force's components; formulas of inputs, coordinates, velocities and t.",
@@ -31,8 +31,8 @@ class ForceEntry(Entry):
     )
     frame: Word | None = Field(
         None,
-        description="Frame of the components: ground (when left out) or body.",
-        json_schema_extra=term("axes of F"),
+        description="Frame of the components: ground or body.",
+        json_schema_extra=term("axes of F", otherwise="ground"),
     )
     about: Text | None = Field(
         None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")

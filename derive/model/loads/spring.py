@@ -28,8 +28,8 @@ class SpringEntry(Entry):
     coordinate: Named | None = Field(None, description="A coordinate.", json_schema_extra=term("q"))
     rest: Constant | None = Field(
         None,
-        description="Where the joint's spring is slack; 0 when left out.",
-        json_schema_extra=term("q₀", "m | rad"),
+        description="Where the joint's spring is slack.",
+        json_schema_extra=term("q₀", "m | rad", "0"),
     )
     between: NameList | None = Field(
         None, description="Two bodies.", json_schema_extra=term("bodies of the line")
@@ -42,8 +42,8 @@ class SpringEntry(Entry):
     )
     length: Constant | None = Field(
         None,
-        description="Where the spring between points is slack; 0 when left out.",
-        json_schema_extra=term("ℓ₀", "m"),
+        description="Where the spring between points is slack.",
+        json_schema_extra=term("ℓ₀", "m", "0"),
     )
     damping: Constant | None = Field(
         None,

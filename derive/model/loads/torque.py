@@ -28,8 +28,8 @@ class TorqueEntry(Entry):
     )
     frame: Word | None = Field(
         None,
-        description="Frame of the components: ground (when left out) or body.",
-        json_schema_extra=term("axes of M"),
+        description="Frame of the components: ground or body.",
+        json_schema_extra=term("axes of M", otherwise="ground"),
     )
     about: Text | None = Field(
         None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")

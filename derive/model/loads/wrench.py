@@ -38,8 +38,8 @@ class WrenchEntry(Entry):
     )
     axes: Word | None = Field(
         None,
-        description="Axes of the components: ground (when left out) or frame.",
-        json_schema_extra=term("axes of F and M"),
+        description="Axes of the components: ground or frame.",
+        json_schema_extra=term("axes of F and M", otherwise="ground"),
     )
     about: Text | None = Field(
         None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")

@@ -129,6 +129,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         motions.output(reader, document, names, key, scalar)
         for key, scalar in document.outputs.items()
     )
+    choices = motions.choices(reader, document)
     model = Model(
         name=document.model.text,
         description=document.description.text if document.description else "",
@@ -161,10 +162,10 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         ),
         symbols=letters.letters(reader, document, names.coordinates),
         body_symbols=letters.of_bodies(reader, document),
-        choices=motions.choices(reader, document),
+        choices=choices,
         initial=motions.initial(reader, document, joints),
         steady_motions=tuple(
-            steady.steady_motion(reader, key, entry)
+            steady.steady_motion(reader, key, entry, steady.speeds(choices))
             for key, entry in document.steady_motion.items()
         ),
         kinetic=_energy(reader, document.kinetic, "a kinetic energy", MOTION),

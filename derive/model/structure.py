@@ -145,6 +145,8 @@ _OTHER_WORDS = {
 
 
 def _near_key(name: str, keys: Collection[str]) -> str:
+    if name.count(")") > name.count("("):  # the rest of {tension: max(a, b)}
+        return 'inside { } and [ ] a formula with a comma stands in quotes: "max(a, b)"'
     other = _OTHER_WORDS.get(name)
     return f"did you mean '{other}'?" if other in keys else did_you_mean(name, keys)
 

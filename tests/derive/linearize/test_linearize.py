@@ -51,7 +51,7 @@ quasi_velocities:
   other: {speed: 3*r.vx, spin: 2*r.w, rel: der(p)}
 inputs: {push: {velocity: r.vx}, twist: {velocity: r.w}}
 steady_motion:
-  curve: {HELD, p: 0.1, push: free, twist: free, sweep: {V: [1 m/s, 3 m/s], W: [0.1 rad/s, 1 rad/s]}}
+  curve: {HELD, push: free, twist: free, sweep: {V: [1 m/s, 3 m/s], W: [0.1 rad/s, 1 rad/s]}}
 initial: {x: 0 m}
 """
 

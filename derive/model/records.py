@@ -292,7 +292,8 @@ class SteadyMotion:
 
     Inputs that are not named are zero, `free` ones are found. `guesses` are where the search for
     the rest starts; `cyclic` coordinates, where given, are the ones to leave out; `ranges`:
-    sweepable name or parameter → first, last and how many values.
+    sweepable name or parameter → first, last and how many values; `speeds` are the declared
+    quasi-velocities among what is held or guessed: name, formula, unit.
     """
 
     name: str
@@ -303,6 +304,7 @@ class SteadyMotion:
     guesses: tuple[tuple[str, Expression], ...] = ()
     cyclic: tuple[str, ...] | None = None
     ranges: tuple[tuple[str, float, float, int], ...] = ()
+    speeds: tuple[tuple[str, Expression, str], ...] = ()
 
 
 @dataclass(frozen=True)

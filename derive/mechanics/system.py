@@ -12,11 +12,11 @@ from derive.expressions.counting import cheapest
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints import joint_type
 from derive.joints.rotations import is_zero
-from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.blocks import blocks
 from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
+from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.limits import FEW, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
@@ -42,7 +42,6 @@ from derive.mechanics.tree import (
     gravity_energy,
     ground_positions,
     ground_rotations,
-    joint_forces,
     kinetic_energy,
     mass_matrix,
     path,
@@ -109,7 +108,7 @@ def _assembled(
         or not nonideal.is_zero()
     )
     M = _mass(links, inertias, nv) + extra.M if written else ca.SX(nv, nv)
-    h = _newton_euler(links, inertias, _entries(s.v), [0.0] * nv, g) + extra.h
+    h = _column(joint_forces_of_motion(links, _entries(s.v), [0.0] * nv, g)) + extra.h
     A, c, beta = _rows(scene, numbers, [row for block in found for row in block.ways[0]])
     phi = (
         ca.vertcat(*[x for block in found for x in block.phi])
@@ -212,27 +211,16 @@ def _qdot(model: Model, s: Symbols) -> ca.SX:
     return ca.vertcat(*[rates[c.name] for c in model.coordinates])
 
 
-def _newton_euler(
-    links: Sequence[Link],
-    sets: Sequence[Sequence[Inertia]],
-    v: Sequence[Scalar],
-    vdot: Sequence[Scalar],
-    g: Vector,
-) -> ca.SX:
-    """The joint forces of a motion against gravity, from the cheapest of equivalent sets of
-    inertias."""
-    found = [
-        joint_forces(links, newton_euler(links, inertias, v, vdot, g), len(v)) for inertias in sets
-    ]
-    return ca.vertcat(*cheapest(found)) if v else ca.SX(0, 1)
-
-
 def inertial_forces(system: System, vdot: ca.SX) -> ca.SX:
     """M v̇ + h of the links alone, (nv × 1), by Newton–Euler: gravity is in it, but neither rotors
     nor the energies that a file gives by formula (M_extra, h_extra)."""
-    return _newton_euler(
-        system.links, system.inertias, _entries(system.v), _entries(vdot), system.gravity
+    return _column(
+        joint_forces_of_motion(system.links, _entries(system.v), _entries(vdot), system.gravity)
     )
+
+
+def _column(entries: Sequence[Scalar]) -> ca.SX:
+    return ca.vertcat(*entries) if entries else ca.SX(0, 1)
 
 
 def _rows(scene: Scene, numbers: list[Numbers], rows: list[RowForm]) -> tuple[ca.SX, ca.SX, ca.SX]:

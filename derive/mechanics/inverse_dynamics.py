@@ -108,15 +108,12 @@ def _stems(links: Sequence[Link]) -> list[Stem]:
     """With the points of the axes that leave the shortest arms."""
     stems: list[Stem] = []
     for link in links:
-        k = _turn_at(link)
-        pre, post = (link.rotation, ()) if k is None else (link.rotation[:k], link.rotation[k + 1 :])
-        turn = None if k is None else link.rotation[k]
-        assert turn is None or isinstance(turn, Turn)
+        pre, turn, post = _around_turn(link)
         carrier = stems[link.parent].own if link.parent >= 0 else ()
         own = _one(post)
         motion = tuple((_spun(own, list(m[:3])), _spun(own, list(m[3:]))) for m in link.motion)
-        stem = Stem(link.parent, _one((*carrier, *pre)), turn, motion, link.columns, own, link.b, [])
-        stems.append(stem)
+        outer = _one((*carrier, *pre))
+        stems.append(Stem(link.parent, outer, turn, motion, link.columns, own, link.b, []))
     points = _points(links, stems)
     return [
         replace(stem, point=points[i], arm=_arm(links, stems, points, i))
@@ -124,13 +121,15 @@ def _stems(links: Sequence[Link]) -> list[Stem]:
     ]
 
 
-def _turn_at(link: Link) -> int | None:
-    """Where in the link's rotation its joint turns, if that is one turn about x, y or z."""
-    if link.turns_about < 0 or len(link.columns) != 1:
-        return None
-    turns = [k for k, factor in enumerate(link.rotation) if isinstance(factor, Turn)]
-    factor = link.rotation[turns[0]] if len(turns) == 1 else None
-    return turns[0] if isinstance(factor, Turn) and factor.axis in UNIT.values() else None
+def _around_turn(link: Link) -> tuple[Rotation, Turn | None, Rotation]:
+    """The link's rotation before its joint's turn, that, and behind it, if the joint is one turn
+    about x, y or z; else all of it."""
+    turns = [(k, x) for k, x in enumerate(link.rotation) if isinstance(x, Turn)]
+    alone = link.turns_about >= 0 and len(link.columns) == 1 and len(turns) == 1
+    if not alone or turns[0][1].axis not in UNIT.values():
+        return link.rotation, None, ()
+    k, turn = turns[0]
+    return link.rotation[:k], turn, link.rotation[k + 1 :]
 
 
 def _one(rotation: Rotation) -> Rotation:
@@ -266,7 +265,7 @@ def _parted(stem: Stem, own: Inertia) -> tuple[Inertia, Inertia] | None:
     if stem.turn is None:
         if len(stem.columns) != 1 or any(not is_zero(x) for x in stem.motion[0][0]):
             return None
-        nothing = [[0.0] * 3 for _ in range(3)]
+        nothing: Matrix = [[0.0] * 3 for _ in range(3)]
         return Inertia(own.mass, own.moment, nothing), Inertia(0.0, list(NONE), own.tensor)
     ways = [_without(own, stem.turn.axis.index(1.0), c) for c in _across(own, stem.turn)]
     return min(ways, key=lambda way: body(way[0]).cost)

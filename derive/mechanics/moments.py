@@ -15,7 +15,7 @@ K = ½ tr(I) 1 − I the second moments of mass. (The matrix U after Craig and K
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
@@ -27,6 +27,7 @@ from derive.mechanics.records import Inertia
 # U; "product": ωᵢ ωⱼ; "squares": ωᵢ² − ωⱼ²; "rate": ω̇ᵢ.
 Atom = tuple[str, int, int]
 Terms = list[tuple[Scalar, Atom]]
+Rows = tuple[Terms, Terms, Terms]
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,8 @@ class Body:
     entry."""
 
     own: Inertia
-    moment: tuple[Terms, Terms, Terms]
-    force: tuple[Terms, Terms, Terms]
+    moment: Rows
+    force: Rows
 
     @property
     def cost(self) -> int:
@@ -51,15 +52,21 @@ class Body:
 
 def body(own: Inertia) -> Body:
     """In the cheaper of the two ways."""
-    force = _by_axis(lambda i: [(h, ("U", i, j)) for j, h in enumerate(own.moment)])
-    ways = [_by_axis(lambda i: _moment(own.tensor, i, second)) for second in (False, True)]
+    ways = [
+        _by_axis([_moment(own.tensor, i, second) for i in range(3)]) for second in (False, True)
+    ]
+    force = _over_entries(own.moment)
     return min((Body(own, moment, force) for moment in ways), key=lambda x: x.cost)
 
 
-def _by_axis(terms: object) -> tuple[Terms, Terms, Terms]:
-    assert callable(terms)
-    x, y, z = ([term for term in terms(i) if not is_zero(term[0])] for i in range(3))
+def _by_axis(rows: Sequence[Terms]) -> Rows:
+    x, y, z = ([term for term in row if not is_zero(term[0])] for row in rows)
     return x, y, z
+
+
+def _over_entries(r: Vector) -> Rows:
+    """U r."""
+    return _by_axis([[(x, ("U", i, j)) for j, x in enumerate(r)] for i in range(3)])
 
 
 def _moment(I: Matrix, x: int, second: bool) -> Terms:
@@ -154,8 +161,7 @@ class Spin:
 
     def swung(self, r: Vector) -> Vector:
         """U r."""
-        rows = (_by_axis(lambda i: [(x, ("U", i, j)) for j, x in enumerate(r)]))
-        return [self.total(row) for row in rows]
+        return [self.total(row) for row in _over_entries(r)]
 
     def total(self, terms: Terms) -> Scalar:
         return dot([x for x, _ in terms], [self.at(atom) for _, atom in terms])

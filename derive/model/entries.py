@@ -356,6 +356,11 @@ class BodyEntry(Entry):
     com: Point | None = Field(
         None, description="Centre of mass in the body's frame; its origin when left out."
     )
+    first_moment: Point | None = Field(
+        None,
+        description="Mass times centre of mass, in kg m, in the place of `com`: with `inertia: "
+        "{tensor: …, about: origin}` the form in which equations are linear.",
+    )
     inertia: Inertia | None = Field(
         None,
         description="About the centre of mass: one moment in a planar model; in space one (a "

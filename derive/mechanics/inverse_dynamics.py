@@ -50,6 +50,7 @@ from derive.mechanics.records import Inertia, Link
 
 NONE: Vector = [0.0, 0.0, 0.0]
 Pair = tuple[Vector, Vector]  # angular, linear
+MOVING = 6  # operations that a point costs which is not at rest
 
 
 @dataclass(frozen=True)
@@ -188,22 +189,39 @@ def _points(links: Sequence[Link], stems: Sequence[Stem]) -> list[Vector]:
     of the carrier or of a link that it carries, whichever leaves fewest products. Symbols are left
     where they are."""
     points = [list(link.b) for link in links]
-    turning = _turning(stems)
+    turning, resting = _turning(stems), [False] * len(links)
     children = [[k for k, link in enumerate(links) if link.parent == i] for i in range(len(links))]
     for i, stem in enumerate(stems):
-        if stem.turn is None:
-            continue
-        near = [i, *children[i]]
-        trials = [[*points[:i], p, *points[i + 1 :]] for p in _choices(links, stems, points, i)]
-        arms = [[_arm(links, stems, trial, k) for k in near] for trial in trials]
-        if any(not isinstance(x, float) for found in arms for arm in found for x in arm):
-            continue
-        costs = [
-            sum(_products(turning, stems[k].parent, arm) for k, arm in zip(near, found))
-            for found in arms
-        ]
-        points[i] = trials[costs.index(min(costs))][i]
+        steady = stem.parent < 0 or resting[stem.parent]
+        if stem.turn is not None:
+            near = [i, *children[i]]
+            trials = [[*points[:i], p, *points[i + 1 :]] for p in _choices(links, stems, points, i)]
+            arms = [[_arm(links, stems, trial, k) for k in near] for trial in trials]
+            if all(isinstance(x, float) for found in arms for arm in found for x in arm):
+                costs = [_cost(turning, stems, near, found, steady) for found in arms]
+                points[i] = trials[costs.index(min(costs))][i]
+        own = _arm(links, stems, points, i) if stem.parent >= 0 else NONE
+        resting[i] = stem.turn is not None and steady and all(is_zero(x) for x in own)
     return points
+
+
+def _cost(
+    turning: Sequence[Vector],
+    stems: Sequence[Stem],
+    near: Sequence[int],
+    arms: Sequence[Vector],
+    steady: bool,
+) -> int:
+    """Operations of the arms to a link and to those that it carries. `steady`: its carrier's P is
+    at rest; a point that is not has more acceleration than gravity."""
+    cost = sum(_products(turning, stems[k].parent, arm) for k, arm in zip(near, arms))
+    rests = (steady and _is_nothing(arms[0])) or stems[near[0]].parent < 0
+    moving = sum(not (rests and _is_nothing(arm)) for arm in arms[1:])
+    return cost + MOVING * (moving + (not rests))
+
+
+def _is_nothing(x: Vector) -> bool:
+    return all(map(is_zero, x))
 
 
 def _choices(

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from derive.expressions.tree import ZERO, Expression, Number
-from derive.model.algebra import Rows, rows, to_centre, turned_tensor
+from derive.model.algebra import Rows, over, rows, to_centre, turned_tensor
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import BodyEntry, InertiaEntry
 from derive.model.limits import INERTIA_SLACK
@@ -31,18 +31,39 @@ def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
     that of a rotor whose mass is in another body, and is noted too.
     """
     mass = reader.formula(entry.mass, "a mass", unit="kg")
-    com = reader.point(entry.com, "a centre of mass")
-    inertia = _inertia(reader, entry, mass, com)
+    first = _first_moment(reader, entry, mass)
+    com = reader.point(entry.com, "a centre of mass") if first is None else over(first, mass)
+    inertia, about_origin = _inertia(reader, entry, mass, com)
     _check_mass(reader, key, entry, mass, inertia)
-    return Body(str(key), mass, com, inertia, key.span)
+    return Body(str(key), mass, com, inertia, key.span, first, about_origin)
 
 
-def _inertia(reader: Reader, entry: BodyEntry, mass: Expression, com: Vector3) -> Inertia:
+def _first_moment(reader: Reader, entry: BodyEntry, mass: Expression) -> Vector3 | None:
+    """As the file gives it, in kg m; a body without mass has none."""
+    if entry.first_moment is None:
+        return None
+    if entry.com is not None:
+        reader.report(
+            entry.first_moment.span, "a centre of mass and a first moment", "one of the two"
+        )
+        return None
+    if reader.value(mass, entry.mass) == 0.0:
+        reader.report(
+            entry.first_moment.span, "a first moment of a body without mass", "a mass above zero"
+        )
+        return None
+    return reader.point(entry.first_moment, "a first moment", unit="kg*m")
+
+
+def _inertia(
+    reader: Reader, entry: BodyEntry, mass: Expression, com: Vector3
+) -> tuple[Inertia, Inertia | None]:
+    """About the centre of mass, and about the origin where the file gives that."""
     given = entry.inertia
     if given is None:
-        return POINT_MASS
+        return POINT_MASS, None
     if not isinstance(given, InertiaEntry):
-        return _moments(reader, given)
+        return _moments(reader, given), None
     return _carried(reader, given, _moments(reader, given.tensor), mass, com)
 
 
@@ -73,7 +94,7 @@ def _one_moment(reader: Reader, moment: Expression) -> Inertia:
 
 def _carried(
     reader: Reader, entry: InertiaEntry, given: Inertia, mass: Expression, com: Vector3
-) -> Inertia:
+) -> tuple[Inertia, Inertia | None]:
     """A tensor taken in a turned frame, or about the body's origin, as one about the centre of mass
     in the body's axes."""
     xx, yy, zz, xy, xz, yz = given
@@ -82,8 +103,8 @@ def _carried(
     if turned is not None and not reader.space.plane:
         tensor = turned_tensor(turned, tensor)
     if entry.about is not None and reader.word(entry.about, ABOUT, "point") == "origin":
-        tensor = to_centre(tensor, mass, com)
-    return _six(reader, tensor)
+        return _six(reader, to_centre(tensor, mass, com)), _six(reader, tensor)
+    return _six(reader, tensor), None
 
 
 def _six(reader: Reader, tensor: Rows) -> Inertia:

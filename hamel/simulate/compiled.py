@@ -55,7 +55,7 @@ from hamel.simulate.method import (
     tolerances,
 )
 from hamel.simulate.record import Source, simulated
-from hamel.simulate.view import page
+from hamel.simulate.view import page, picture
 
 ROWS = 500  # of the output when no step is given
 MOST_ROWS = 10_000_000  # of the output: 80 MB a column
@@ -150,7 +150,8 @@ def simulation(
     for write in writing:
         write(record)
     if places.view:
-        write_text(Path(places.view), page(problem.system, record, problem.p))
+        show = picture if Path(places.view).suffix.lower() == ".svg" else page
+        write_text(Path(places.view), show(problem.system, record, problem.p))
     return replace(
         record,
         file=Path(places.out) if places.out else None,

@@ -148,6 +148,10 @@ docs: $(VENV)/.docs
 links: $(VENV)/.docs
 	$(BIN)/python -m sphinx -b linkcheck -q -d build/docs/doctrees docs build/docs/links
 
+# A book with a chapter for every model of the repository: pages, and a PDF where a Chromium is installed.
+book: $(VENV)/.run-time
+	$(HAMEL) book models/*.yaml --title "Mechanisms" -o build/book
+
 # Every page of every model in Chromium, at two widths: build/pages.json; a part of it as in make pages MODELS="four_bar bicycle".
 pages: $(VENV)/.test
 	$(BIN)/python benchmarks/pages.py $(MODELS)

@@ -26,6 +26,7 @@ EXECUTED = (
     "tutorials/sled.md",
     "tutorials/four_bar.md",
     "bicycle.md",
+    "book.md",
     "figures.md",
     "motions.md",
 )

@@ -431,6 +431,28 @@ def derive(
     return run(path, choice, Path(out or "."), formulation, road, pdf)
 
 
+def book(
+    paths: Model | Sequence[Model],
+    *,
+    out: str | Path = "book",
+    title: str = "Mechanisms",
+    pdf: bool = True,
+    workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> records.Bound:
+    """Write a book with a chapter for every model into the folder `out`: by topic, from energies to
+    rolling in space, each with objectives, figure, derivation, a motion, what its accuracy costs,
+    and exercises whose solutions the module computes; contents and an index.
+
+    With `pdf` it is also printed, where a Chromium is installed. Chapters are made in as many
+    processes as `workers` (as many as cores when None). Raises ModelError where two models have one
+    name or none has a chapter.
+    """
+    from hamel.verbs.book import run
+
+    return run(_models(paths), Path(out), title, pdf, workers, progress)
+
+
 def draw(path: Model, *, out: str | Path | None = None) -> records.Drawn:
     """Draw the mechanism as a textbook does, into `out`: FILE.svg, or FILE.tex for a TikZ picture
     (default: <model>.svg in the current folder).

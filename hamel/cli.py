@@ -626,6 +626,24 @@ def draw(model: str, out: str | None) -> Any:
 
 
 @verb
+@click.argument("models", nargs=-1, required=True, metavar="MODEL...")
+@click.option(
+    "-o", "--out", metavar="DIR", default="book", show_default=True, help="The folder of the book."
+)
+@click.option("--title", default="Mechanisms", show_default=True, metavar="TEXT", help="On top.")
+@click.option(
+    "--pdf/--no-pdf", default=True, help="Print book.pdf too, where a Chromium is installed."
+)
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: cores).")
+def book(models: Sequence[str], **options: Any) -> Any:
+    """Write a book with a chapter for every MODEL: derivation, motion, exercises with solutions."""
+    from hamel.progress import bar
+
+    with bar(1.0) as progress:
+        return hamel.book(models, progress=progress, **options)
+
+
+@verb
 @functools.partial(model_argument, name="robot")
 @click.option(
     "-o", "--out", metavar="FILE.yaml", help="Write the model to FILE (default: print it)."

@@ -226,10 +226,10 @@ def _integrated(
     except motion.InputError:
         raise
     except AssumptionError as error:
-        others = _others(problem, chosen) if own_integrator(method) else []
-        if not others:
+        more = others(problem, chosen) if own_integrator(method) else []
+        if not more:
             raise _explained(error, problem) from None
-        several = charted([chosen, *others], survey_of(problem.system))
+        several = charted([chosen, *more], survey_of(problem.system))
         try:
             return _motion(problem, several, method, times, progress, automatic)
         except AssumptionError:
@@ -308,19 +308,19 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
     )
 
 
-def _others(problem: Problem, equations: Equations) -> list[Equations]:
+def others(problem: Problem, equations: Equations) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
     system = problem.system
     alone = equations.generalized_velocities or equations.charts or equations.z
     if not system.rows or alone or problem.enforcement.level not in ("none", "steps"):
         return []
     names = dict.fromkeys((*(choice.name for choice in system.model.choices), "orthonormal"))
-    others = []
+    found = []
     for name in names:
         if name != equations.choice:
             with contextlib.suppress(AssumptionError):
-                others.append(problem.equations(name))
-    return others
+                found.append(problem.equations(name))
+    return found
 
 
 def _times(rows: Rows, step_size: float | None) -> np.ndarray:

@@ -417,6 +417,7 @@ def derive(
     formulation: str = "quasi_velocities",
     road: Sequence[str] = ("block_inversion",),
     pdf: bool = False,
+    live: bool = False,
 ) -> records.Derived:
     """Write the derivation as derivation.html and derivation.tex into `out` (default: the current
     folder).
@@ -424,11 +425,13 @@ def derive(
     `road` names one way to the equations without multipliers, or two that are put side by side:
     block_inversion, maggi, kane, boltzmann_hamel, gibbs_appell, multipliers, udwadia_kalaba. Raises
     AssumptionError where the model cannot take it. With `pdf` derivation.pdf is typeset as well, by
-    pdflatex; raises ToolchainError where there is none.
+    pdflatex; raises ToolchainError where there is none. A `live` page carries the module as
+    WebAssembly, with sliders for parameters, initial values and inputs; raises ToolchainError where
+    nothing compiles for it.
     """
     from hamel.verbs.derive import run
 
-    return run(path, choice, Path(out or "."), formulation, road, pdf)
+    return run(path, choice, Path(out or "."), formulation, road, pdf, live)
 
 
 def book(

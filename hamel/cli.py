@@ -607,6 +607,12 @@ def linearize(
 @click.option(
     "--pdf", is_flag=True, help="Typeset derivation.pdf too, where pdflatex is installed."
 )
+@click.option(
+    "--live",
+    is_flag=True,
+    help="The page computes: sliders, the mechanism moving, numbers of every equation. It needs a "
+    "compiler for WebAssembly.",
+)
 def derive(model: str, road: str, **options: Any) -> Any:
     """Write the derivation of MODEL to read."""
     return hamel.derive(model, road=name_list(road), **options)

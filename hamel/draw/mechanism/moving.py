@@ -60,8 +60,8 @@ def moving(system: System, t: Vector, q: Vector, p: Vector) -> Moving:
     data = {
         "t": [round(float(x), 9) for x in t],
         "poses": _packed(stage.poses),
-        "shapes": [_shape(scene, x) for x in parts],
-        "view": _view(scene),
+        "shapes": [shape_data(scene, x) for x in parts],
+        "view": view_data(scene),
         "traces": [[at.body, *at.at, name] for name, at in scene.traced],
         "follow": stage.follow,
         "box": [round(x, 1) for x in stage.box],
@@ -196,15 +196,16 @@ def _reach(scene: Scene, poses: Vector) -> tuple[Vector, ...]:
     return tuple(row[index][9:] for row in poses for index in sorted(rolling) if index != GROUND)
 
 
-def _view(scene: Scene) -> dict[str, Any]:
+def view_data(scene: Scene) -> dict[str, Any]:
+    """The parallel projection."""
     view = scene.view
     vectors = {"right": view.right, "up": view.up, "toward": view.toward}
     numbers = {name: [round(float(x), 9) for x in vector] for name, vector in vectors.items()}
     return numbers | {"scale": float(f"{view.scale:.9g}"), "flat": view.flat}
 
 
-def _shape(scene: Scene, shape: Shape) -> dict[str, Any]:
-    """Keys are short: there may be thousands."""
+def shape_data(scene: Scene, shape: Shape) -> dict[str, Any]:
+    """One shape. Keys are short: there may be thousands."""
     step = scene.view.pixel / 20
     digits = max(0, int(np.ceil(-np.log10(step)))) if step < 1 else 0
     carriers = [at.body for at in shape.spots]

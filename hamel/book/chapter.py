@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, HamelError
 from derive.textbook import ROADS
 from derive.textbook.derivation import derivation
 from derive.textbook.pages import rendered
@@ -52,6 +52,14 @@ class Chapter:
     refusal: str
 
 
+def attempt(path: str) -> Chapter | str:
+    """The chapter, or in one line why there is none: what goes from one process to another."""
+    try:
+        return chapter(path)
+    except HamelError as error:
+        return str(error).splitlines()[0]
+
+
 def chapter(path: str) -> Chapter:
     """The chapter of a model file. Raises HamelError where the model has no derivation."""
     equations = equations_of(path)
@@ -81,6 +89,8 @@ def _motion(path: str) -> tuple[Motion | None, str]:
             return _shown(course), ""
     except AssumptionError as error:
         return None, error.diagnostics[0].message
+    except FloatingPointError as error:  # a function that has no value where it is asked
+        return None, str(error)
 
 
 def _shown(course: Course) -> Motion:

@@ -9,9 +9,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from derive.diagnostics import HamelError, ModelError
+from derive.diagnostics import ModelError
 from derive.robots.reading import load
-from hamel.book.chapter import Chapter, chapter
+from hamel.book.chapter import Chapter, attempt
 from hamel.book.printing import browser, printed
 from hamel.book.writing import CONTENTS, INDEX, PRINT, pages, placed
 from hamel.build.files import write_text
@@ -79,15 +79,11 @@ def _made(
 ) -> Iterator[tuple[str, Chapter | str]]:
     """Each model's chapter, or why there is none, in the order of their ends."""
     with engine(PROCESSES, workers) as processes:
-        futures: dict[Future[Chapter], str] = {
-            processes.executor.submit(chapter, str(path)): str(path) for path in paths
+        futures: dict[Future[Chapter | str], str] = {
+            processes.executor.submit(attempt, str(path)): str(path) for path in paths
         }
         for done, future in enumerate(as_completed(futures), 1):
-            name = Path(futures[future]).stem
-            try:
-                yield name, future.result()
-            except HamelError as error:
-                yield name, str(error).splitlines()[0]
+            yield Path(futures[future]).stem, future.result()
             if progress:
                 progress(done / len(futures))
 

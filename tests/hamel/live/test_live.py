@@ -113,7 +113,7 @@ def test_without_a_compiler_the_page_is_refused(monkeypatch, tmp_path) -> None:
 
 MOVES = {
     "four_bar": [["p", 1, 0.6], ["x", 0, 1.3], ["u", 0, 0.5], ["x", 3, 2.0]],
-    "rolling_disk": [["p", 0, 0.7], ["x", 6, 1.25]],
+    "rolling_disk": [["p", 0, 0.7], ["p", 1, 0.5], ["x", 4, 0.2]],
 }
 
 

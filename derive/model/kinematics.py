@@ -334,7 +334,8 @@ class Rewriting:
         """A constant direction of length one: a letter or numbers."""
         letters = self.space.letters
         if isinstance(node, Name) and node.name in letters:
-            return tuple(float(letter == node.name) for letter in "xyz")  # type: ignore[return-value]
+            x, y, z = (float(letter == node.name) for letter in "xyz")
+            return x, y, z
         sized = isinstance(node, tree.Vector) and len(node.entries) == self.space.size
         if not sized or not is_constant(node):
             raise self._fault(

@@ -194,8 +194,9 @@ def simulate(
     kind); or a function f(t, x) of all, called every `sample` seconds (or at these times) and
     kept until the next, or, without, wherever the integrator wants it. `events` are functions
     f(t, x) by name, or hamel.Event(f, direction, stop), whose changes of sign are found like those
-    of the model's own. `view` is a page FILE.html with the mechanism moving, or FILE.svg. `start` is the first
-    time, `time` the last. `real` is what the code computes in, float64 or float32.
+    of the model's own. `view` is a page FILE.html with the mechanism moving, or a picture FILE.svg
+    of a planar one. `start` is the first time, `time` the last. `real` is what the code computes
+    in, float64 or float32.
     """
     from hamel.simulate.compiled import Feed, Places, Rows, simulation
     from hamel.simulate.method import Method

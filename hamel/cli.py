@@ -251,7 +251,11 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
 @REAL
 @click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv, .npz or .parquet.")
 @click.option("--plot", metavar="FILE", help="Draw the motion to FILE.svg.")
-@click.option("--view", metavar="FILE", help="Show the mechanism moving in the page FILE.html, or the picture FILE.svg.")
+@click.option(
+    "--view",
+    metavar="FILE",
+    help="Show the mechanism moving in the page FILE.html, or the picture FILE.svg.",
+)
 def simulate(
     model: str, settings: Sequence[str], inputs: Sequence[str], conserve: str, **options: Any
 ) -> Any:

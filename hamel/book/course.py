@@ -18,6 +18,16 @@ from derive.formulations.charts import charted
 from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from hamel import charts
+from hamel.book.limits import (
+    LEAST,
+    LIMIT,
+    MOST_STEPS,
+    ROWS,
+    SHARE,
+    SPANS,
+    TIGHT,
+    TOLERANCES,
+)
 from hamel.build.assurance import assure
 from hamel.build.module import temporary_module
 from hamel.draw import Series, chart
@@ -28,14 +38,7 @@ from hamel.simulate.exact import state_of
 from hamel.simulate.method import Method
 from hamel.simulate.record import Source, simulated
 
-SPANS = (5.0, 0.5, 0.05)  # seconds of a motion; a shorter one where a longer one takes too long
-ROWS = 300
-LIMIT = 6.0  # seconds of computing for one motion
 METHODS = ("dop853", "dopri5", "radau")  # whose errors are drawn
-TOLERANCES = tuple(10.0**-k for k in range(3, 12))
-TIGHT = 1e-13
-SHARE = 0.03  # seconds for repeating a run, whose least time counts
-LEAST = 1e-16
 CALLS = (*CALLED, "mass", "bias", "reactions")
 METHOD = Method("quasi_velocities", None, None, METHODS[0], None, 1e-10, None)
 
@@ -121,6 +124,8 @@ def _first(problem: Problem, seen: Equations, module: ModuleType, by: Equations)
         try:
             simulation = _integrated_by(module, seen, problem, start, METHODS[0], METHOD.rtol)
         except _TooLong:
+            continue
+        if simulation.steps > MOST_STEPS and span != SPANS[-1]:
             continue
         used = replace(METHOD, enforcement=problem.enforcement.name)
         source = Source(seen, module, u, p, used, initial)

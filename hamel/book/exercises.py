@@ -1,4 +1,4 @@
-"""Exercises of a chapter. Every solution is computed: by the model's structure, or by its module."""
+"""Exercises of a chapter. Every solution is computed, by the model's structure or its module."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import numpy as np
 
 from derive.mechanics.records import Row
 from hamel.book.course import Course
+from hamel.book.limits import DIGITS, NOTHING
 
-DIGITS = 6
-NOTHING = 1e-12  # of the largest number beside it: a smaller one is zero
 PUSH = 1.0  # of the first input, in its unit
 
 

@@ -7,13 +7,13 @@ import subprocess
 from pathlib import Path
 
 from derive.diagnostics import ToolchainError
+from hamel.book.limits import PATIENCE
 from hamel.build.files import staged_file
 from hamel.build.scratch import scratch
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 # the page is our own, without script: it needs no sandbox, which no browser gives to root
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage")
-PATIENCE = 600.0  # seconds
 
 
 def browser() -> str | None:

@@ -37,7 +37,7 @@ TOPICS = (
     ),
     Topic(
         "Closed loops and couplings",
-        "Position constraints tie coordinates together; fewer quasi-velocities than rates are left.",
+        "Position constraints tie coordinates together; fewer quasi-velocities than rates remain.",
         lambda model: bool(model.joints) and bool(model.closures or model.constraints),
     ),
     Topic(

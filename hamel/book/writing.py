@@ -41,7 +41,7 @@ def placed(chapters: Sequence[Chapter]) -> list[Placed]:
     for number, one in enumerate(order, 1):
         new = tuple(thing for thing in one.things if thing not in first)
         known = {thing: first[thing] for thing in one.things if thing in first}
-        first |= {thing: one.name for thing in new}
+        first |= dict.fromkeys(new, one.name)
         places.append(Placed(number, one, new, known))
     return places
 

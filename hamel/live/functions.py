@@ -19,8 +19,8 @@ Place = tuple[int, int]  # where the values of a formula begin, and how many of 
 def with_live(equations: Equations, document: Document, bodies: Bodies) -> Equations:
     """The equations with two functions more, over (t, x, u, p):
 
-    `live_poses` are twelve numbers a body, a rotation row by row and a position (m); `live_formulas`
-    are the values of all printed formulas, one after the other, row by row.
+    `live_poses` are twelve numbers a body, a rotation row by row and a position (m);
+    `live_formulas` are the values of all printed formulas, one after the other, row by row.
     """
     further = [_poses(equations, bodies)]
     values = [ca.vec(ca.densify(formula.value).T) for formula in document.printed]

@@ -1,5 +1,5 @@
-"""A derivation that computes: its page with a panel of sliders, the mechanism moving, plots, and the
-numbers of the equation under the cursor."""
+"""A derivation that computes: its page with sliders, the mechanism moving, plots, and the numbers
+of the equation under the cursor."""
 
 from __future__ import annotations
 
@@ -26,19 +26,15 @@ from hamel.draw.canvas import ENTRY, element, text
 from hamel.draw.mechanism.figure import bar_width
 from hamel.draw.mechanism.svg import CLASS, drawn, style
 from hamel.live.functions import FORMULAS, POSES, places, with_live
+from hamel.live.limits import FEW, LARGEST_PUSH, ROWS, SPAN, TOLERANCE
 from hamel.live.module import Module, check_compiler, module_of
 from hamel.live.shape import Drawing, drawing_of
 from hamel.simulate.exact import state_of
 from hamel.simulate.method import Method, fitting_enforcement
 
-SPAN, ROWS = 5.0, 300  # seconds of a motion, and its rows
 INTEGRATOR = "dopri5"
-TOLERANCE = 1e-8
 CALLED = ("dynamics", "energy", "project", "constraints", "velocity", "state")
-MOST = 1_000_000  # bytes of a page
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 420, 130, 52, 10, 22, 30
-LARGEST_PUSH = 10.0  # of an input, in its unit
-FEW = 12  # sliders of coordinates at most
 METHOD = Method("quasi_velocities", None, None, INTEGRATOR, None, TOLERANCE, None)
 
 
@@ -54,8 +50,9 @@ class Live:
 
 
 def live_of(equations: Equations, roads: Sequence[str]) -> Live:
-    """The page's parts. Raises ToolchainError without a compiler for WebAssembly, AssumptionError for
-    equations without a choice of quasi-velocities and for a model without a consistent start."""
+    """The page's parts. Raises ToolchainError without a compiler for WebAssembly, AssumptionError
+    for equations without a choice of quasi-velocities, ModelError for a model without a consistent
+    start."""
     check_compiler()
     if equations.generalized_velocities:
         raise AssumptionError("a live page shows equations in quasi-velocities")

@@ -15,9 +15,7 @@ from hamel.draw.mechanism.moving import Stage, shape_data, staged, view_data
 from hamel.draw.mechanism.poses import Bodies
 from hamel.draw.mechanism.records import Mark, Shape, Vector
 from hamel.draw.mechanism.scene import Scene, scene
-
-STEP = 1e-4  # of a parameter, by which the points of shapes are compared
-STILL = 1e-9  # of the size: a point that moves less does not depend on the parameter
+from hamel.live.limits import STEP, STILL
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,8 @@ from markupsafe import Markup
 import hamel
 from derive.mechanics.records import System
 from derive.textbook.pages import rendered
-from hamel.draw import linear, logarithmic
+from hamel.draw import linear, logarithmic, mechanism
 from hamel.draw.canvas import ENTRY, Frame, element, finite, polyline, text
-from hamel.draw import mechanism
 from hamel.draw.mechanism.animated import animated
 from hamel.draw.mechanism.moving import Moving, frames, moving
 from hamel.draw.mechanism.svg import CLASS, drawn, style

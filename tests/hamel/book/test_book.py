@@ -1,7 +1,7 @@
 """The book: chapters stand in the order of their topics, what is met for the first time is said once,
 links and anchors lead somewhere, and solutions are those of the module.
 
-Of hamel.book: topics, course, chapter, exercises, writing, printing. Of hamel.verbs: book.
+Of hamel.book: topics, course, chapter, exercises, writing, printing, limits. Of hamel.verbs: book.
 """
 
 import re
@@ -86,7 +86,9 @@ def test_every_link_of_the_book_leads_somewhere() -> None:
 
 
 def test_a_chapter_without_a_motion_says_why() -> None:
-    alone = placed([replace(BOOK[0].chapter, motion=None, refusal="it comes to a singular position")])
+    alone = placed(
+        [replace(BOOK[0].chapter, motion=None, refusal="it comes to a singular position")]
+    )
     text = pages("Book", alone)["arm.html"]
     assert "it comes to a singular position" in text and "Exercises" not in text
 
@@ -99,7 +101,9 @@ def test_what_cannot_be_a_book_is_refused(tmp_path) -> None:
     twice = [MODELS / "pendulum.yaml", MODELS / "pendulum.yaml"]
     with pytest.raises(ModelError, match="two models are called 'pendulum'"):
         hamel.book(twice, out=tmp_path / "book")
-    (tmp_path / "terms.yaml").write_text("model: terms\ncoordinates: {q: m}\nkinetic: 1 kg*der(q)**2/2\n")
+    (tmp_path / "terms.yaml").write_text(
+        "model: terms\ncoordinates: {q: m}\nkinetic: 1 kg*der(q)**2/2\n"
+    )
     with pytest.raises(ModelError, match="no chapter can be called 'terms'"):
         hamel.book([tmp_path / "terms.yaml"], out=tmp_path / "book")
     assert not (tmp_path / "book").exists()
@@ -109,7 +113,9 @@ def test_what_cannot_be_a_book_is_refused(tmp_path) -> None:
 @pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 def test_solutions_are_those_of_the_verified_module(tmp_path) -> None:
     record = hamel.book(
-        [MODELS / "double_pendulum.yaml", MODELS / "four_bar.yaml"], out=tmp_path / "book", pdf=False
+        [MODELS / "double_pendulum.yaml", MODELS / "four_bar.yaml"],
+        out=tmp_path / "book",
+        pdf=False,
     )
     assert record.chapters == ("double_pendulum", "four_bar") and not record.refused
     text = (tmp_path / "book" / "four_bar.html").read_text("utf-8")

@@ -1,7 +1,7 @@
 """A page that computes: what its sliders and its equations say is what the module and the terms say,
 read back from a headless Chromium.
 
-Of hamel.live: page, functions, module, shape.
+Of hamel.live: page, functions, module, shape, limits.
 """
 
 import html
@@ -24,11 +24,13 @@ from hamel.build.stages import equations_of
 from hamel.draw.mechanism.poses import Bodies
 from hamel.live import module
 from hamel.live.functions import FORMULAS, POSES, places, with_live
-from hamel.live.page import SPAN
+from hamel.live.limits import SPAN
 from hamel.live.shape import drawing_of
 from tests.scenes import MODELS
 
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 MOST = 1_000_000  # bytes
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage")
 # moves sliders, points at every equation, and says what there is to read
@@ -83,7 +85,7 @@ def test_formulas_of_the_page_are_the_printed_ones() -> None:
         at += wanted.size
     assert at == whole.size
     ranges = [line for lines in places(document).values() for line in lines]
-    assert ranges and all(0 <= first and first + count <= at for first, count, _ in ranges)
+    assert ranges and all(first >= 0 and first + count <= at for first, count, _ in ranges)
 
 
 def test_shapes_follow_a_length() -> None:
@@ -165,4 +167,6 @@ def told(text: str, moves: list, folder) -> dict:
         "--dump-dom", (folder / "read.html").as_uri(),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
-    return json.loads(html.unescape(re.findall(r'<pre id="result">(.*?)</pre>', done.stdout, re.S)[0]))
+    return json.loads(
+        html.unescape(re.findall(r'<pre id="result">(.*?)</pre>', done.stdout, re.S)[0])
+    )

@@ -11,12 +11,12 @@ applied force.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic
+from derive.expressions.deferred import Deferred, changed, is_deferred
 from derive.expressions.scalars import Vector
 from derive.mechanics.records import Named, System
 from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
@@ -58,12 +58,15 @@ def with_nonideal(system: System, C: ca.SX) -> System:
         Named("lam_ideal", "reactions of the ideal problem", ideal),
         Named("C", "nonideal forces over them", C),
     )
-    known = replace(system, names=(*system.names, *shown))
+    known = changed(system, names=(*system.names, *shown))
     return _with_applied(known, ca.substitute(C, symbols, ideal[used]))
 
 
 def _with_applied(system: System, force: ca.SX) -> System:
-    return replace(system, Q=system.Q + force, power=system.power + ca.dot(force, system.v))
+    if is_deferred(system, "power"):
+        power = Deferred(lambda: system.power + ca.dot(force, system.v))
+        return changed(system, Q=system.Q + force, power=power)
+    return changed(system, Q=system.Q + force, power=system.power + ca.dot(force, system.v))
 
 
 def _depends(system: System, C: ca.SX, name: str) -> bool:

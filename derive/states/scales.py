@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions import tree
+from derive.expressions.deferred import changed
 from derive.expressions.evaluate import number
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit as unit_of
@@ -116,7 +117,7 @@ def scaled(system: System, own: Scales) -> System:
             ca.mtimes(system.A, ca.diag(ca.DM(v))),
             system.c,
             ca.mtimes(ca.diag(rates), ca.mtimes(system.N, ca.diag(ca.DM(v)))),
-            ca.DM(np.outer(v, v) / own.energy) * system.M,
+            ca.DM(np.outer(v, v) / own.energy) * system.M if system.written else system.M,
             rates * system.qdot,
         ],
         [system.t, system.q, system.v, system.p],
@@ -124,7 +125,7 @@ def scaled(system: System, own: Scales) -> System:
     )
     terms = dict(zip(("phi", "A", "c", "N", "M", "qdot"), found))
     return _of_like_rows(
-        replace(system, model=replace(model, initial=start), parameters=parameters, **terms)
+        changed(system, model=replace(model, initial=start), parameters=parameters, **terms)
     )
 
 
@@ -152,7 +153,7 @@ def _of_like_rows(system: System) -> System:
         by_row * system.c,
         system.phi / ca.DM(positions),
     )
-    return replace(system, A=A, c=c, phi=phi)
+    return changed(system, A=A, c=c, phi=phi)
 
 
 def _without_roundoff(system: System, sizes: np.ndarray) -> np.ndarray:

@@ -42,6 +42,7 @@ from hamel.simulate.exact import state_of
 from hamel.simulate.files import check_page, writers
 from hamel.simulate.inputs import Changes, Changing, changes
 from hamel.simulate.kinks import check_kinks
+from hamel.simulate.limits import MOST_ROWS, ROWS
 from hamel.simulate.method import (
     Method,
     check_changes,
@@ -57,8 +58,6 @@ from hamel.simulate.method import (
 from hamel.simulate.record import Source, simulated
 from hamel.simulate.view import page
 
-ROWS = 500  # of the output when no step is given
-MOST_ROWS = 10_000_000  # of the output: 80 MB a column
 # what a motion and its judgement call, beside what enforcement and integrator need
 CALLED = ("dynamics", "constraints", "energy", "power", "velocity", "state", "outputs")
 

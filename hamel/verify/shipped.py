@@ -37,14 +37,18 @@ BACKENDS = {"extension": "extension", "_library": "ctypes", "_numpy": "NumPy"}
 
 
 def shipped(
-    equations: Equations, emitted: Collection[str], seed: int, states: int = STATES
+    equations: Equations,
+    emitted: Collection[str],
+    seed: int,
+    states: int = STATES,
+    most: int = MOST,
 ) -> dict[str, Any]:
     """Emitted function → {"t", "x", "u", "p", "expected", "size"}, a row for
     each state, of every chart.
 
     `size` is the largest entry of the result or, where it cancels, of what roundoff leaves there.
 
-    Functions of very large models are left out from where there would be too many numbers.
+    Functions of very large models are left out from where there would be more than `most` numbers.
     """
     seen = evidence(reference(equations.system.model), equations, None, states, seed)
     found: dict[str, Any] = {}
@@ -53,7 +57,7 @@ def shipped(
         for name in chart.graph.functions:
             rows = _rows(chart, name) if name + suffix in emitted else {}
             numbers += _size(rows)
-            if rows and numbers <= MOST:
+            if rows and numbers <= most:
                 found[name + suffix] = rows
     return found
 

@@ -2,7 +2,7 @@
 
 p₂ − p₁ = 0 says the same along any axes, but not row by row. Two bodies that turn about one line
 and meet at a point of it once more say nothing along the line: along axes that turn with them that
-is always the same row, or a row in the same part, along the ground's it is one row here and another
+is always the same row, or the same part of each; along the ground's it is one row here and another
 there. Then no rows that are kept for good are independent wherever all of them are.
 """
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from derive.formulations.records import Equations, Function
 from derive.model.named_frames import frames_of
+from derive.model.records import GROUND
 
 Note = Callable[[str, np.ndarray, np.ndarray], None]
 MOST = 60  # velocities up to which derivatives are compared
@@ -95,7 +96,7 @@ def slopes(derived: Equations, peer: Any, ours: dict[str, str], S: ca.Function) 
     both: dict[int, ca.Function] = {}
     for index, frame in enumerate(peer.model.frames):
         name = ours.get(frame.name, frame.name)
-        if name in known and frame.name != "universe":
+        if name in known and name != GROUND and frame.name != "universe":
             both[index] = _function(derived, family.make(name))
     mechanics = derived.system
     found = None

@@ -18,7 +18,7 @@ from derive.states import system
 
 ROOT = Path(__file__).resolve().parent.parent
 ARMS = ROOT / "benchmarks" / "operations"
-MODELS = ROOT / "models"
+MODELS, EXAMPLES = ROOT / "models", ROOT / "examples"
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,9 @@ CASES = (
     Case("Stanford arm", MODELS / "stanford_arm.yaml"),
     Case("Puma 560", ARMS / "puma_560.yaml"),
     Case("six revolute joints, all symbols", ARMS / "six_joints.yaml", constants=""),
+    Case("Panda, inverse dynamics", EXAMPLES / "panda.yaml"),
+    Case("Panda, forward dynamics", EXAMPLES / "panda.yaml", "dynamics"),
+    Case("Panda, v̇ with ∂v̇/∂q, ∂v̇/∂v and M⁻¹", EXAMPLES / "panda.yaml", "derivatives"),
     Case("Whipple bicycle, inverse dynamics", MODELS / "bicycle.yaml"),
     Case("Whipple bicycle, solved", MODELS / "bicycle.yaml", "dynamics"),
     Case("rolling disk, inverse dynamics", MODELS / "rolling_disk.yaml"),

@@ -40,6 +40,8 @@ from hamel.verify.targets import Subject, TargetCheck
 HOME = Path(__file__).parent.parent
 STATES, LINKS = 20, 1000
 SINGLE = ("cortex-m",)  # in float32 alone
+# what is said besides: instructions and stack of `dynamics`, flash and stack of a controller
+COSTS = ("values on M7", "flash of the controller on M7", "stack of the controller on M7")
 
 
 @dataclass(frozen=True)
@@ -132,8 +134,9 @@ def _outcome(check: TargetCheck, subject: Subject) -> tuple[str, float | None, b
     except HamelError as error:
         return " ".join(str(error).split()), None, False
     idle = [result.name for result in results if result.name.startswith("not run")]
+    costs = [result.about for result in results if result.name in COSTS]
     worst = max(map(_share, results))
-    return ", ".join([check.tool, *idle]), worst, all(result.passed for result in results)
+    return ", ".join([check.tool, *idle, *costs]), worst, all(result.passed for result in results)
 
 
 def _share(check: CheckResult) -> float:

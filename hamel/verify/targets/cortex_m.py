@@ -94,7 +94,7 @@ def _control(subject: Subject, place: Path, processor: str, short: str) -> Itera
     small = len(subject.module.states) <= SMALL if hasattr(subject.module, "states") else True
     for what, value, most in (("flash", flash, FLASH), ("stack", stack, STACK)):
         passed = value <= most or (not small and np.isfinite(value))
-        about = f"{value:.0f} bytes of {most}"
+        about = f"{what} of the controller: {value:.0f} bytes of {most}"
         yield CheckResult(f"{what} of the controller on {short}", value, most, passed, about)
 
 

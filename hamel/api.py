@@ -321,7 +321,7 @@ def base_parameters(path: Model, *, choice: str | None = None) -> records.BasePa
     """Which sums of inertial, friction and rotor parameters the motion of a model can tell, with
     their closed expressions: by structure, then by rank. Raises AssumptionError for a model without
     bodies that have mass."""
-    from hamel.sweep.needs import library
+    from hamel.optional import library
 
     library("scipy", "identification", "identify")
     from hamel.verbs.identify import base
@@ -347,7 +347,7 @@ def identify(
     consistent values, `page` an HTML page. Raises ModelError for what is wrong with the file,
     AssumptionError where the motion does not tell the parameters.
     """
-    from hamel.sweep.needs import library
+    from hamel.optional import library
 
     library("scipy", "identification", "identify")
     from hamel.verbs.identify import run
@@ -366,7 +366,7 @@ def excitation(
 ) -> records.Excitation:
     """A motion that tells the base parameters of a tree, as Fourier series within the limits of the
     joints and below `speed` (1/s): sampled at `rate` (Hz) into the CSV file `out`."""
-    from hamel.sweep.needs import library
+    from hamel.optional import library
 
     library("scipy", "identification", "identify")
     from hamel.verbs.identify import excite
@@ -486,11 +486,12 @@ def explain(
     return run(path, choice, _constants(constants))
 
 
-def schema() -> dict[str, Any]:
-    """The JSON Schema of model files, for editors."""
+def schema(page: bool = False) -> dict[str, Any] | str:
+    """The JSON Schema of model files, for editors; with `page` the reference of the language in
+    Markdown: every key with type, unit, default, example and what becomes of it."""
     from hamel.verbs.schema import run
 
-    return run()
+    return run(page)
 
 
 def load(folder: str | Path) -> ModuleType:

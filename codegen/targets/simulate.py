@@ -506,3 +506,23 @@ def _python(tableau: Tableau) -> dict[str, object]:
 
 
 SIMULATE = Target("simulate", "integration in C and NumPy", files)
+
+
+def run_data(program: Program) -> dict[str, Any]:
+    """What templates of a whole run need: what `simulate` gives besides x and the work, by name
+    and width of a row."""
+    nx, nw = len(program.argument("x").names), len(program.quasi_velocities)
+    rows = {"x": nx, "work": 1}
+    if program.charts:
+        rows |= {"v": program.kernel("velocity").shape[0], "chart": 1}
+    if program.frame:
+        rows["frame"] = program.frame
+    return {
+        "prefix": program.name,
+        "PREFIX": program.name.upper(),
+        "nx": nx,
+        "nu": len(program.argument("u").names),
+        "np": len(program.argument("p").names),
+        "nw": nw,
+        "rows": rows,
+    }

@@ -60,7 +60,7 @@ def derivatives(
     they are made by structure, where that takes fewer operations.
     """
     dynamics = {function.name: function for function in functions}.get("dynamics")
-    if dynamics is None or not dynamics.result.value.numel():
+    if dynamics is None or not dynamics.result.size:
         return ()
     slots = {argument.name: argument for argument in arguments}
     ways = Ways(dynamics, slots, mechanics)
@@ -95,7 +95,12 @@ class Ways:
         slots: dict[str, Argument],
         mechanics: tuple[System, Motion] | None,
     ) -> None:
-        self.rates, self.slots, self.mechanics = dynamics.result.value, slots, mechanics
+        self._dynamics, self.slots, self.mechanics = dynamics, slots, mechanics
+
+    @property
+    def rates(self) -> ca.SX:
+        """ẋ."""
+        return self._dynamics.result.value
 
     @cached_property
     def looped(self) -> Elimination | None:

@@ -27,7 +27,8 @@ def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
 
     No mass or principal moment is negative, and the largest principal moment is at most the sum of
     the other two, as ∫(y² + z²) dm and so on demand. What does not hold is reported; with
-    `physical: false` an impossible inertia is taken as it is, and noted.
+    `physical: false` an impossible inertia is taken as it is, and noted. An inertia without mass is
+    that of a rotor whose mass is in another body, and is noted too.
     """
     mass = reader.formula(entry.mass, "a mass", unit="kg")
     com = reader.point(entry.com, "a centre of mass")
@@ -120,7 +121,9 @@ def _check_mass(
     if len(numbers) < 6:
         return
     slack = INERTIA_SLACK * _largest(reader, scalars)
-    impossible = _impossible(reader, str(key), given, numbers, slack)
+    if given == 0.0 and max(map(abs, numbers)) > slack:
+        reader.notes.append(f"'{key}' has inertia but no mass: it counts where it turns")
+    impossible = _impossible(reader, str(key), numbers, slack)
     if impossible is None:
         return
     if reader.answer(entry.physical, otherwise=True):
@@ -139,11 +142,9 @@ def _largest(reader: Reader, scalars: list[Scalar]) -> float:
 
 
 def _impossible(
-    reader: Reader, name: str, mass: float | None, moments: list[float], slack: float
+    reader: Reader, name: str, moments: list[float], slack: float
 ) -> tuple[str, str] | None:
     """What is wrong with the moments of a body and what was expected; None where nothing is."""
-    if mass == 0.0 and max(map(abs, moments)) > slack:
-        return f"'{name}' has inertia but no mass", "inertia 0 for a body without mass"
     if min(moments[:3]) < -slack:
         problem = f"a moment of inertia of '{name}' is {min(moments[:3]):g} kg*m^2"
         return problem, "zero or more"

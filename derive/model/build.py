@@ -25,8 +25,8 @@ from derive.model import (
 )
 from derive.model.collisions import check_collisions
 from derive.model.document import MOST_BODIES, Key, Scalar, Source
-from derive.model.entries import Entry
 from derive.model.frames import Frame, Names
+from derive.model.keys import Entry
 from derive.model.loads.expression import generalised_force
 from derive.model.loads.in_joint import in_joint
 from derive.model.massless import check_tips
@@ -129,6 +129,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         motions.output(reader, document, names, key, scalar)
         for key, scalar in document.outputs.items()
     )
+    choices = motions.choices(reader, document)
     model = Model(
         name=document.model.text,
         description=document.description.text if document.description else "",
@@ -161,10 +162,10 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         ),
         symbols=letters.letters(reader, document, names.coordinates),
         body_symbols=letters.of_bodies(reader, document),
-        choices=motions.choices(reader, document),
+        choices=choices,
         initial=motions.initial(reader, document, joints),
         steady_motions=tuple(
-            steady.steady_motion(reader, key, entry)
+            steady.steady_motion(reader, key, entry, steady.speeds(choices))
             for key, entry in document.steady_motion.items()
         ),
         kinetic=_energy(reader, document.kinetic, "a kinetic energy", MOTION),

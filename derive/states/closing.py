@@ -37,6 +37,8 @@ class Kinematics:
 
     def rows(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A (k, nc, nv) and c (k, nc) at k states."""
+        if not self.system.rows:  # N has an entry for each pair of velocities, here for nothing
+            return np.zeros((len(t), 0, self.system.v.numel())), np.zeros((len(t), 0))
         A, c, _ = self._many(self._velocities, t, q, p)
         return A, c[:, :, 0]
 

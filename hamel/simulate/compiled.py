@@ -42,6 +42,7 @@ from hamel.simulate.exact import state_of
 from hamel.simulate.files import check_page, writers
 from hamel.simulate.inputs import Changes, Changing, changes
 from hamel.simulate.kinks import check_kinks
+from hamel.simulate.limits import MOST_ROWS, ROWS
 from hamel.simulate.method import (
     Method,
     check_changes,
@@ -57,8 +58,6 @@ from hamel.simulate.method import (
 from hamel.simulate.record import Source, simulated
 from hamel.simulate.view import page
 
-ROWS = 500  # of the output when no step is given
-MOST_ROWS = 10_000_000  # of the output: 80 MB a column
 # what a motion and its judgement call, beside what enforcement and integrator need
 CALLED = ("dynamics", "constraints", "energy", "power", "velocity", "state", "outputs")
 
@@ -231,8 +230,8 @@ def _integrated(
         several = charted([chosen, *others], survey_of(problem.system))
         try:
             return _motion(problem, several, method, times, progress, automatic)
-        except AssumptionError:
-            raise _explained(error, problem) from None
+        except AssumptionError as last:  # where all charts together come to an end
+            raise _explained(last, problem) from None
 
 
 def _motion(
@@ -311,7 +310,7 @@ def _others(problem: Problem, equations: Equations) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
     system = problem.system
     alone = equations.generalized_velocities or equations.charts or equations.z
-    if not system.rows or alone or problem.enforcement.level not in ("none", "steps"):
+    if not system.rows or alone:
         return []
     names = dict.fromkeys((*(choice.name for choice in system.model.choices), "orthonormal"))
     others = []

@@ -20,10 +20,9 @@ from hamel.draw.mechanism.moving import Moving, frames, moving
 from hamel.draw.mechanism.svg import CLASS, drawn, style
 from hamel.records import Simulated
 from hamel.simulate.energies import energy_error
+from hamel.simulate.limits import LOOKED_AT, SHOWN
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 420, 150, 52, 10, 24, 34
-LOOKED_AT = (2.0, 20.0)  # seconds of a motion that is shown at its own speed
-SHOWN = 10.0  # seconds in which another one is shown
 Curves = Mapping[str, np.ndarray]
 
 

@@ -113,7 +113,13 @@ def _projected(survey: Survey, reduction: Reduction) -> Explicit:
     vdot = ca.mtimes(S, wdot) + reduction.sigma
     count = operations(qdot, wdot)
     return Explicit(
-        qdot, wdot, vdot, M_w, f_w, count, "mass matrix and forces as written, then projected"
+        qdot=qdot,
+        operations=count,
+        gathered="mass matrix and forces as written, then projected",
+        wdot=wdot,
+        vdot=vdot,
+        mass=M_w,
+        force=f_w,
     )
 
 

@@ -929,13 +929,6 @@ ERRORS = [
         "",
     ),
     (
-        "inertia_without_mass",
-        ARM.replace("mass: m", "mass: 0").replace("inertia: ", "inertia: «"),
-        "'b' has inertia but no mass",
-        "inertia 0",
-        "",
-    ),
-    (
         "impossible_inertia",
         SPACE.replace("inertia: m*l^2/12", "inertia: «[1, 1, 3]"),
         "no body has the inertia of 'b': 1 + 1 < 3",

@@ -3,7 +3,7 @@ table, and build/targets.json with a row {"target", "model", "tool", "worst", "p
 
 worst is the largest error in terms of its tolerance: 1 is the most that passes. A target that does
 not fit a model has to say so; then the tool of the row is the reason, and worst is null. Of a model
-one module is made for all targets that take it, but of a thousand links one for each.
+one module is made for all targets that take it; of a thousand links a second one without loops.
 
 Run by `make targets`; `python benchmarks/target_checks.py casadi cpp` runs some of them.
 """
@@ -40,12 +40,14 @@ from hamel.verify.targets import Subject, TargetCheck
 HOME = Path(__file__).parent.parent
 STATES, LINKS = 20, 1000
 SINGLE = ("cortex-m",)  # in float32 alone
+# what is said besides: instructions and stack of `dynamics`, flash and stack of a controller
+COSTS = ("values on M7", "flash of the controller on M7", "stack of the controller on M7")
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of model: its file below models/ (none: a chain of LINKS), the choice, and whether a
-    module is made for each target by itself."""
+    """A kind of model: its file below models/ (none: a chain of LINKS), the choice, and whether
+    targets that take straight lines alone have a module of their own."""
 
     what: str
     file: str
@@ -88,9 +90,11 @@ class Trial:
     rows: list[Row] = field(default_factory=list)
 
     def run(self, equations: Equations) -> list[Row]:
-        alone = [(name,) for name in self.targets] if self.kind.apart else [self.targets]
-        for names in alone:
-            self._together(equations, names)
+        straight = [target.name for target in on_request(self.targets) if target.straight]
+        apart = straight if self.kind.apart else []
+        for names in (apart, [name for name in self.targets if name not in apart]):
+            if names:
+                self._together(equations, names)
         return self.rows
 
     def _together(self, equations: Equations, names: Sequence[str]) -> None:
@@ -132,8 +136,9 @@ def _outcome(check: TargetCheck, subject: Subject) -> tuple[str, float | None, b
     except HamelError as error:
         return " ".join(str(error).split()), None, False
     idle = [result.name for result in results if result.name.startswith("not run")]
+    costs = [result.about for result in results if result.name in COSTS]
     worst = max(map(_share, results))
-    return ", ".join([check.tool, *idle]), worst, all(result.passed for result in results)
+    return ", ".join([check.tool, *idle, *costs]), worst, all(result.passed for result in results)
 
 
 def _share(check: CheckResult) -> float:

@@ -78,7 +78,7 @@ def build(
             checked = with_emitted(equations, program)
             found = _verification(checked, _waiting(finished, clock), options.states)
             emitted = {kernel.name for kernel in program.kernels}
-            rows = shipped(checked, emitted, found.seed)
+            rows = shipped(checked, emitted, found.seed, module=finished().module)
             states = stored(found, equations, rows)
         compiled = finished()
         if compiled.message:

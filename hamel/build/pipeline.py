@@ -120,8 +120,9 @@ def _program(
 
 
 def _page(equations: Equations) -> str:
-    """The derivation, opened by a figure of the mechanism where there is one."""
-    drawing = picture(equations.system)
+    """The derivation, opened by a figure of the mechanism where there is one; of hundreds of links
+    nothing could be told apart on it."""
+    drawing = None if equations.system.long else picture(equations.system)
     return html(equations, svg(drawing) if drawing else "")
 
 

@@ -143,7 +143,9 @@ class System:
     # free of them, Jacobi's integral T₂ − T₀ + V
     energy: ca.SX
     homogeneous: bool  # T is T₂ alone, and energy = T + V
-    power: ca.SX  # of what is in Q and not −∂V/∂q, and ∂(V − T)/∂t: d(energy)/dt = power + λᵀ c
+    # of what is in Q and not −∂V/∂q, ∂(V − T)/∂t of formulas, ∂(V + T)/∂t of bodies that lose mass:
+    # d(energy)/dt = power + λᵀ c
+    power: ca.SX
     outputs: tuple[tuple[str, ca.SX, str], ...]  # name, value, unit
     events: tuple[tuple[str, ca.SX], ...]  # name, value
     rows: tuple[Row, ...]

@@ -116,7 +116,8 @@ def _assembled(
         if any(b.phi for b in found)
         else ca.SX(0, 1)
     )
-    T = ca.SX(kinetic_energy(links, numbers)) + extra.T
+    moving = ca.SX(kinetic_energy(links, numbers))
+    T = moving + extra.T
     lifted = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g))
     still = lifted + extra.V + loads.energy
     zdot, stored = rates_of_states(scene), energy_of_states(scene)
@@ -127,7 +128,9 @@ def _assembled(
     Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
     # T₂ − T₀ + V = T + V − (T₁ + 2 T₀): where rates are prescribed T + V is not what is conserved
     energy = T + V if extra.missing.is_zero() else T + V - extra.missing
-    power = ca.dot(loads.force, s.v) + ca.jtimes(V, s.t, ca.SX(1)) - extra.explicit
+    # where a mass depends on t, M v̇ has no part Ṁ v: what leaves takes ½ ṁ v² along
+    own = ca.jtimes(V + moving, s.t, ca.SX(1))
+    power = ca.dot(loads.force, s.v) + own - extra.explicit
     if model.states:
         power = power + ca.jtimes(stored, s.z, zdot)
     measured = outputs(scene)

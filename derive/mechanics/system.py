@@ -46,6 +46,7 @@ from derive.mechanics.tree import (
     mass_matrix,
     path,
 )
+from derive.model.load_records import Exhaust
 from derive.model.records import Model
 
 REST_NUMBERS: Numbers = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
@@ -96,7 +97,8 @@ def _assembled(
     loads, nonideal = forces
     tied = any(block.rows for block in found)
     written = _is_short(links, tied) or not nonideal.is_zero()
-    late = not written and not tied and len(links) >= LONG
+    lasting = not any(isinstance(load, Exhaust) for load in model.loads)
+    late = not written and not tied and lasting and len(links) >= LONG
     inertias = functools.cache(lambda: _inertias(links))
     M = _mass(links, inertias(), nv) + extra.M if written else ca.SX(nv, nv)
     A, c, beta = _rows(scene, [row for block in found for row in block.ways[0]])
@@ -111,8 +113,12 @@ def _assembled(
         forces = joint_forces_of_motion(links, _entries(s.v), [0.0] * nv, g)
         return _column(forces) + extra.h
 
+    @functools.cache
+    def moving() -> ca.SX:
+        return ca.SX(kinetic_energy(links, scene.numbers))
+
     def kinetic() -> ca.SX:
-        return ca.SX(kinetic_energy(links, scene.numbers)) + extra.T
+        return moving() + extra.T
 
     def potential() -> ca.SX:
         lifted = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g))
@@ -131,8 +137,9 @@ def _assembled(
         return total if extra.missing.is_zero() else total - extra.missing
 
     def power() -> ca.SX:
-        # of a long tree the links are left out: neither they nor gravity change with time
-        told = extra.V + loads.energy if late else V()
+        # of a long tree the links are left out: neither they nor gravity change with time. Where a
+        # mass depends on t, M v̇ has no part Ṁ v: what leaves takes ½ ṁ v² along
+        told = extra.V + loads.energy if late else V() + moving()
         given = ca.dot(loads.force, s.v) + ca.jtimes(ca.SX(told), s.t, ca.SX(1)) - extra.explicit
         return given + ca.jtimes(stored, s.z, zdot) if model.states else given
 

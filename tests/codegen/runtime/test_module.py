@@ -25,7 +25,9 @@ pytestmark = pytest.mark.skipif(not headers(), reason="no headers of Python")
 
 
 @pytest.fixture(scope="module", params=["gcc", "clang"])
-def pendulum(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
+def pendulum(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> ModuleType:
     if not shutil.which(request.param):
         pytest.skip(f"{request.param} is not installed: the runtime was not compiled with it")
     places = [f"-I{RUNTIME[0].parent}", *(f"-isystem{place}" for place in headers())]

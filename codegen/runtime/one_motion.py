@@ -162,8 +162,17 @@ class Single:
             callback = self.by.watch.callback
         error = callback.error if callback else None
         where = f"{self.by.facts.name}.simulate stopped at t = {self.course.time!r}"
-        cause = f"{self.by.facts.cause(found.status)}{because(error)}"
+        cause = f"{self._cause(found.status)}{because(error)}"
         raise Stopped(f"{where}: {cause}", found) from error
+
+    def _cause(self, status: Status) -> str:
+        facts = self.by.facts
+        enforcement = facts.enforcements[int(self.course.state["enforcement"][0])]
+        cause = facts.cause(status)
+        if status == Status.SINGULAR_CHOICE and enforcement == "selective":
+            selected = "the coordinates that were selected at the start"
+            return f"{selected}, or {cause}; partitioning selects anew"
+        return cause
 
 
 def because(error: Any) -> str:

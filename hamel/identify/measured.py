@@ -21,14 +21,9 @@ from derive.formulations.evaluate import function_of, slots_of
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics, closed, nominal
 from hamel.columns import file_columns
+from hamel.identify.limits import ABOVE, EVEN, LEAST, NYQUIST, ORDER, POWER
 
 Array = np.ndarray
-ORDER = 4  # of the Butterworth filter, that runs forwards and backwards
-POWER = 0.999  # of the coordinates' power lies below the frequency that the cutoff is taken from
-ABOVE = 5.0  # the cutoff is so many times that frequency
-NYQUIST = 0.4  # and at most this part of the sampling rate
-EVEN = 1e-3  # of a time step: what steps may differ
-LEAST = 20  # rows
 
 
 @dataclass(frozen=True)

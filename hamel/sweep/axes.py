@@ -22,13 +22,10 @@ import numpy as np
 from derive.diagnostics import ModelError, did_you_mean, listed
 from hamel.columns import ENDINGS, file_columns
 from hamel.optional import library
+from hamel.sweep.limits import BLOCK, COUNT, MOST, WHOLE
 
 METHODS = ("formulation", "choice", "enforcement", "integrator", "rtol", "step_size")
 DESIGNS = ("random", "sobol", "latin", "saltelli")
-BLOCK = 256  # samples that one generator draws
-MOST = 10**12  # motions
-WHOLE = 10**7  # numbers of a design that is only known as a whole, or of a file
-COUNT = 101  # places of a range that does not say how many
 _CALL = re.compile(r"(\w+)\s*\((.*)\)", re.DOTALL)
 
 Value = Callable[[str, str], float]  # (name, text) → number in SI

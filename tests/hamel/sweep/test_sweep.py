@@ -2,7 +2,7 @@
 twice, and what is wrong is said.
 
 Of hamel: columns, optional.
-Of hamel.sweep: artefact, axes, chunk, drive, folder, job, kept, linear, page, plan, result, summary, work.
+Of hamel.sweep: artefact, axes, chunk, drive, folder, job, kept, limits, linear, page, plan, result, summary, work.
 Of hamel.verbs: sweep.
 """
 

@@ -138,6 +138,20 @@ def maker() -> Path:
     )
 
 
+def slopes(tree: Path) -> list[Path]:
+    """C that CasADi makes of `aba` on casadi::SX and its Jacobians, for both conventions."""
+    _check_headers()
+    link = [f"-L{SITE}/casadi", "-lcasadi", f"-Wl,-rpath,{SITE}/casadi"]
+    # it only writes: half the time to compile
+    by = compiled(
+        "pinocchio_slopes", {HERE / "pinocchio_slopes.cpp": ["-O0", *FLAGS]}, link, shared=False
+    )
+    folder = BUILD / "models" / f"{tree.stem}-slopes"
+    folder.mkdir(exist_ok=True)
+    run([str(by), str(tree.resolve())], folder=folder)
+    return [folder / f"{name}.c" for name in ("slopes", "slopes_world")]
+
+
 def own(tree: Path, function: str, inputs: np.ndarray, size: int, read: Read) -> Contender:
     """`function`: aba, aba_world, rnea or crba."""
     return Contender(

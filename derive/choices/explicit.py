@@ -10,6 +10,8 @@ cheaper depends on the model: both are counted.
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product as combinations
 
@@ -19,6 +21,7 @@ from derive.choices.elimination import Elimination
 from derive.choices.limits import EXPLICIT_MANY
 from derive.choices.reduction import Reduction
 from derive.expressions.counting import alternatives, instructions
+from derive.expressions.deferred import Deferred, Term, is_deferred
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import dot, is_zero, minus, plus
 from derive.mechanics.articulated import tree_solution
@@ -42,19 +45,24 @@ class Explicit:
     """q̇, ẇ and v̇ over (t, q, w, u, p), with the reduced mass matrix and force they come from."""
 
     qdot: ca.SX
-    wdot: ca.SX
-    vdot: ca.SX
-    mass: ca.SX
-    force: ca.SX
-    operations: int
+    operations: int  # none where they are not written out
     gathered: str
+    wdot: Term[ca.SX] = Term()
+    vdot: Term[ca.SX] = Term()
+    mass: Term[ca.SX] = Term()
+    force: Term[ca.SX] = Term()
 
     def named(self, reduction: Reduction) -> tuple[Named, ...]:
         """What the generated code names its sections after."""
-        return (
+        shown = (
             Named("S", "generalized velocities per quasi-velocity, v = S w + R c", reduction.S),
             Named("v", "generalized velocities", reduction.v),
             Named("sigma", "v̇ where ẇ = 0", reduction.sigma),
+        )
+        if is_deferred(self, "wdot"):
+            return shown
+        return (
+            *shown,
             Named("M_w", "mass matrix of the quasi-velocities, Sᵀ M S", self.mass),
             Named("f_w", "right-hand side, Sᵀ (Q − h − M σ)", self.force),
         )
@@ -65,6 +73,8 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     fewest operations: by joints, by links, with inertias as given or regrouped, or by the O(n)
     recursion. All ways give the same ẇ up to rounding; only the operations of q̇ and ẇ are
     compared."""
+    if system.long and _fits_recursion(system, reduction):
+        return _deferred(system, reduction)
     found = _articulated(system, reduction)
     if not found or system.written:
         found += _by_matrices(system, reduction)
@@ -75,7 +85,36 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     vdot = ca.mtimes(reduction.S, best.wdot) + reduction.sigma
     # the recursion makes no M_w; where it is used S = 1 and M_w is M
     mass = system.M if best.mass is None else _sparse(best.mass)
-    return Explicit(qdot, best.wdot, vdot, mass, _column(best.force), min(counts), best.gathered)
+    return Explicit(
+        qdot=qdot,
+        operations=min(counts),
+        gathered=best.gathered,
+        wdot=best.wdot,
+        vdot=vdot,
+        mass=mass,
+        force=_column(best.force),
+    )
+
+
+def _deferred(system: System, reduction: Reduction) -> Explicit:
+    """The O(n) recursion of a long tree, which loops over links do not need written out."""
+
+    @functools.cache
+    def found() -> _Gathered:
+        return _articulated(system, reduction)[0]
+
+    def late(make: Callable[[], ca.SX]) -> Deferred[ca.SX]:
+        return Deferred(make, len(reduction.names))
+
+    return Explicit(
+        qdot=ca.substitute(system.qdot, system.v, reduction.v),
+        operations=0,
+        gathered="articulated bodies",
+        wdot=late(lambda: found().wdot),
+        vdot=late(lambda: ca.mtimes(reduction.S, found().wdot) + reduction.sigma),
+        mass=system.M,
+        force=late(lambda: _column(found().force)),
+    )
 
 
 @dataclass(frozen=True)
@@ -115,9 +154,9 @@ def _by_matrices(system: System, reduction: Reduction) -> list[_Gathered]:
 def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
     """ẇ by the O(n) recursion, where the generalized velocities of a tree are the quasi-velocities
     and T is the bodies' alone."""
-    rotors = _diagonal(system.M_extra)
-    if system.rows or not system.links or rotors is None or not _is_identity(reduction.S):
+    if not _fits_recursion(system, reduction):
         return []
+    rotors = _entries(ca.densify(ca.diag(system.M_extra)))
     found: list[_Gathered] = []
     force = _forces_on_tree(system, reduction)
     for label, inertias in _inertias(system):
@@ -126,11 +165,15 @@ def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
     return found
 
 
-def _diagonal(M: ca.SX) -> Vector | None:
-    """The diagonal, or None where something stands beside it."""
-    rows = scalars(M)
-    beside = any(not is_zero(x) for i, row in enumerate(rows) for j, x in enumerate(row) if i != j)
-    return None if beside else [row[i] for i, row in enumerate(rows)]
+def _fits_recursion(system: System, reduction: Reduction) -> bool:
+    plain = not system.rows and bool(system.links) and _is_identity(reduction.S)
+    return plain and _is_diagonal(system.M_extra)
+
+
+def _is_diagonal(M: ca.SX) -> bool:
+    rows, columns = M.sparsity().get_triplet()
+    beside = [k for k, (i, j) in enumerate(zip(rows, columns)) if i != j]
+    return not beside or all(is_zero(x) for x in ca.vertsplit(M.nz[beside]))
 
 
 def _forces_on_tree(system: System, reduction: Reduction) -> Vector:

@@ -21,6 +21,8 @@ NO_MOMENT = 1e-14  # what rounding leaves of moments of inertia, of the largest 
 # system
 REGULAR = 1e-13  # least eigenvalue of a mass matrix with an inverse, of its largest
 MOST_ENTRIES = 2_500  # of M below the diagonal; beyond that only the O(n) recursions are of use
+# links from which equations are formed on demand alone: until then all of it takes some seconds
+LONG = 250
 FEW = 40  # with more links than this, equivalent sets of inertias are not compared
 
 # rolling

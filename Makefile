@@ -14,7 +14,7 @@ PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exu
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report docs links book pages targets target-speed embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
+.PHONY: demo report reference docs links book pages targets target-speed embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -74,9 +74,11 @@ targets: $(TARGETS_VENV)/.ready
 		tests/codegen/runtime/test_fmi.py tests/codegen/runtime/test_fmi2.py \
 		tests/hamel/build/test_target_pages.py
 
-# What targets cost beside what they stand for, as ratios: FMU, JAX, CasADi, WebAssembly; exit 4 where one is above its limit.
-target-speed: $(TARGETS_VENV)/.ready
+# What targets cost beside what they stand for, as ratios: FMU, JAX, CasADi, WebAssembly, Cortex-M7; exit 4 where one is above its
+# limit. Pinocchio's templates on CasADi's numbers take minutes to compile, once.
+target-speed: $(TARGETS_VENV)/.ready $(BENCH)/.ready
 	$(TARGETS_VENV)/bin/python benchmarks/target_speed.py
+	$(BENCH)/bin/python benchmarks/panda_targets.py
 
 # Cortex-M4F and M7 in QEMU, from arm-none-eabi-gcc: values, no double, instructions, stack and flash of every kind of model.
 embedded: $(TARGETS_VENV)/.ready
@@ -85,6 +87,10 @@ embedded: $(TARGETS_VENV)/.ready
 # The table and the plots of docs/bench.md from build/bench.json.
 bench-page:
 	$(BENCH)/bin/python benchmarks/page.py
+
+# The reference of the model language from the classes that read it.
+reference: $(VENV)/.run-time
+	$(HAMEL) schema --page > docs/reference/language.md
 
 # The figures of docs/report.md from build/report/report.json and build/whole.json.
 report-page: $(VENV)/.test

@@ -512,11 +512,12 @@ def explain(
     return run(path, choice, _constants(constants))
 
 
-def schema() -> dict[str, Any]:
-    """The JSON Schema of model files, for editors."""
+def schema(page: bool = False) -> dict[str, Any] | str:
+    """The JSON Schema of model files, for editors; with `page` the reference of the language in
+    Markdown: every key with type, unit, default, example and what becomes of it."""
     from hamel.verbs.schema import run
 
-    return run()
+    return run(page)
 
 
 def load(folder: str | Path) -> ModuleType:

@@ -701,9 +701,10 @@ def explain(model: str, choice: str | None, constants: str) -> Any:
 
 
 @verb
-def schema() -> Any:
-    """Print the JSON Schema of model files."""
-    return hamel.schema()
+@click.option("--page", is_flag=True, help="The reference of the language in Markdown instead.")
+def schema(page: bool) -> Any:
+    """Print the JSON Schema of model files, or their reference."""
+    return hamel.schema(page=page)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -145,6 +145,10 @@ class Manuscript:
         user's text, or Math."""
         self._blocks.append(Paragraph(runs(template, **given)))
 
+    def display(self, display: Display) -> None:
+        """Equations that say how something is computed, and are no terms of the model."""
+        self._blocks.append(display)
+
     def table(self, head: Sequence[str], rows: Iterable[Sequence[Runs]]) -> None:
         """Adds a table: a head of texts, and rows whose cells are runs of text and formulas."""
         self.listing(head, list(rows), lambda row: row)

@@ -243,7 +243,9 @@ def _signed(term: str) -> str:
 def _bracket(x: Expr) -> tuple[Expr, Expr | None]:
     """factor, sum of factor · sum, where the sum can stand last: no function before it would seem
     to take it in."""
-    sums = [f for f in x.args if f.is_Add] if x.is_Mul else []
+    if not x.is_Mul:
+        return x, None
+    sums = [f for f in x.args if f.is_Add]
     rest = sympy.Mul(*[f for f in x.args if not f.is_Add])
     clear = len(sums) == 1 and not any(f.has(sympy.Function) for f in _split(rest)[0])
     return (rest, sums[0]) if clear else (x, None)

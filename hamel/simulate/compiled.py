@@ -231,8 +231,8 @@ def _integrated(
         several = charted([chosen, *more], survey_of(problem.system))
         try:
             return _motion(problem, several, method, times, progress, automatic)
-        except AssumptionError:
-            raise _explained(error, problem) from None
+        except AssumptionError as last:  # where all charts together come to an end
+            raise _explained(last, problem) from None
 
 
 def _motion(
@@ -311,7 +311,7 @@ def others(problem: Problem, equations: Equations) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
     system = problem.system
     alone = equations.generalized_velocities or equations.charts or equations.z
-    if not system.rows or alone or problem.enforcement.level not in ("none", "steps"):
+    if not system.rows or alone:
         return []
     names = dict.fromkeys((*(choice.name for choice in system.model.choices), "orthonormal"))
     found = []

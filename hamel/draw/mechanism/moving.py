@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from derive.mechanics.records import System
 from derive.model.constraint_records import Rolling
+from hamel.draw.mechanism.anchors import LOOSE
 from hamel.draw.mechanism.figure import ROOM, WIDTH, bar_width, bounds, framed, shapes
 from hamel.draw.mechanism.marks import marks
 from hamel.draw.mechanism.poses import Bodies, pose
@@ -139,7 +140,7 @@ def _fitted(scene: Scene, poses: Vector) -> tuple[Scene, int]:
     whole = flat.reshape(*paths.shape[:2], 2)
     extent, own = np.ptp(flat, axis=0), np.max(np.ptp(whole, axis=1), axis=0)
     first = float(np.max(np.ptp(whole[0], axis=0)))
-    free = any(anchor.type in ("planar", "free") for anchor in scene.anchors)
+    free = any(anchor.type in LOOSE for anchor in scene.anchors)
     travels = free and float(np.max(extent)) > TRAVEL * max(float(np.max(own)), 1e-9)
     if travels:
         base = np.array([scene.view.paper(x) for x in some[:, 0, 9:]])

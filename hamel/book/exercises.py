@@ -12,6 +12,8 @@ from derive.mechanics.records import Row
 from hamel.book.course import Course
 from hamel.book.limits import DIGITS, NOTHING
 
+Values = Sequence[float] | np.ndarray
+
 PUSH = 1.0  # of the first input, in its unit
 
 
@@ -43,14 +45,14 @@ def _states(course: Course) -> Sequence[str]:
 
 
 def _values(
-    course: Course, names: Sequence[str], numbers: Sequence[float], per: str = ""
+    course: Course, names: Sequence[str], numbers: Values, per: str = ""
 ) -> tuple[tuple[str, str, str], ...]:
     units = course.record.units
     rows = zip(names, number_texts(numbers), (units.get(name, "") for name in names))
     return tuple((f"{per}{name}", text, unit if not per else "") for name, text, unit in rows)
 
 
-def number_texts(numbers: Sequence[float]) -> list[str]:
+def number_texts(numbers: Values) -> list[str]:
     """With a few digits; zero where only rounding is left."""
     largest = float(np.max(np.abs(np.asarray(numbers, dtype=float)), initial=0.0))
     shown = [0.0 if abs(x) <= NOTHING * largest else float(x) for x in numbers]
@@ -129,7 +131,7 @@ def _reaction(course: Course) -> Iterator[Exercise]:
     )
 
 
-def _names(rows: Sequence[Row], values: Sequence[float]) -> list[str]:
+def _names(rows: Sequence[Row], values: Values) -> list[str]:
     """Of the multipliers; by number where rows that repeat others have none."""
     if len(rows) == len(values):
         return [f"λ of {row.name}" for row in rows]

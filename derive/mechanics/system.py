@@ -42,13 +42,10 @@ from derive.mechanics.states import energy_of_states, rates_of_states
 from derive.mechanics.symbols import Symbols, symbols
 from derive.mechanics.tree import (
     gravity_energy,
-    ground_positions,
-    ground_rotations,
     joint_forces,
     kinetic_energy,
     mass_matrix,
     path,
-    twists,
 )
 from derive.model.records import Model
 
@@ -121,6 +118,7 @@ def _assembled(
         lifted = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g))
         still = lifted + extra.V + loads.energy
         return still + stored if model.states else still
+
     # q̇ is linear in v, so its Jacobian is N itself
     N = ca.jacobian(scene.qdot, s.v)
     # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q

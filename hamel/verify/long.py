@@ -277,11 +277,14 @@ def shipped_rows(
     for name in dict.fromkeys(name for name, *_ in CHECKS if hasattr(module, name)):
         call = getattr(module, name)
         checks = [(tolerance, error) for own, _, tolerance, _, error in CHECKS if own == name]
-        yield name, [
-            (place.row, _called(call, *place.row))
-            for place in places
-            if all(error(ref, call, place) <= tolerance for tolerance, error in checks)
-        ]
+        yield (
+            name,
+            [
+                (place.row, _called(call, *place.row))
+                for place in places
+                if all(error(ref, call, place) <= tolerance for tolerance, error in checks)
+            ],
+        )
 
 
 def _rounded(ref: Reference, equations: Equations, place: Place) -> Place:

@@ -67,9 +67,7 @@ def shipped(
     return found
 
 
-def _of_long(
-    equations: Equations, module: ModuleType, seed: int, states: int
-) -> dict[str, Any]:
+def _of_long(equations: Equations, module: ModuleType, seed: int, states: int) -> dict[str, Any]:
     found: dict[str, Any] = {}
     numbers = 0
     for name, kept in shipped_rows(equations, module, seed, states):

@@ -135,7 +135,19 @@ def state(
         rates[rows] += entries @ v[columns]
     named_rates = {c.name: rate for c, rate in zip(model.coordinates, rates)}
     full = State(
-        t, q, v, u, p, tuple(blocks), drift, rates, frames, tuple(seats), names, named_rates, functions
+        t,
+        q,
+        v,
+        u,
+        p,
+        tuple(blocks),
+        drift,
+        rates,
+        frames,
+        tuple(seats),
+        names,
+        named_rates,
+        functions,
     )
     names |= measured(full)
     for name, expression in model.definitions:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -43,22 +44,22 @@ def written(base: Path, text: str) -> Path:
     return path
 
 
-def module(equations: Equations, wrong: float = 0.0) -> SimpleNamespace:
+def module(equations: Equations, wrong: float = 0.0) -> ModuleType:
     """What stands for a module: the equations as CasADi evaluates them, v̇ of the last joint off by
     a part."""
     slots = [argument.symbols for argument in equations.arguments]
     f = ca.Function("f", slots, [equations.function("dynamics").result.value])
 
-    def dynamics(t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    def dynamics(t: Any, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         if np.ndim(t):
             return np.array([dynamics(*row) for row in zip(t, x, u, p)])
         xdot = np.array(f(t, x, u, p)).ravel()
         xdot[-1] *= 1.0 + wrong
         return xdot
 
-    return SimpleNamespace(
-        __name__="nothing", dynamics=dynamics, defaults=np.zeros(len(equations.parameters))
-    )
+    made = ModuleType("nothing")
+    vars(made).update(dynamics=dynamics, defaults=np.zeros(len(equations.parameters)))
+    return made
 
 
 @pytest.mark.parametrize("text", [chain(5), tree(), equal_links(4)])

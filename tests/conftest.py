@@ -5,6 +5,7 @@ import pytest
 
 LONG = {
     "": ("waveboard",),
+    "test_every_example_is_a_model_with_a_consistent_state": ("rolling", "loops", "nut"),
     "test_models_need_no_more_than_their_graph": (
         "bicycle",
         "spatial_four_bar",

@@ -52,7 +52,7 @@ from pydantic import Field
 
 from derive.expressions.tree import Expression
 from derive.model.actuators import velocity_of
-from derive.model.entries import Entry, Formula
+from derive.model.keys import Entry, Formula
 from derive.model.kind import Kind
 from derive.model.records import Span
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, Generic, TypeVar, overload
+from typing import Any, Generic, TypeVar, cast, overload
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -33,17 +33,13 @@ class Term(Generic[T]):
     def __get__(self, record: Any, owner: type) -> T:
         if record is None:
             raise AttributeError(self._name)  # dataclasses ask the class for a default
-        kept = vars(record)
-        if _is_late(kept[self._name]):
-            kept[self._name] = kept[self._name].make()
-        return kept[self._name]
+        own: dict[str, Any] = vars(record)
+        if isinstance(own[self._name], Deferred):
+            own[self._name] = cast("Deferred[T]", own[self._name]).make()
+        return own[self._name]
 
     def __set__(self, record: Any, value: T | Deferred[T]) -> None:
         vars(record)[self._name] = value
-
-
-def _is_late(value: Any) -> bool:
-    return isinstance(value, Deferred)
 
 
 def is_deferred(record: object, name: str) -> bool:

@@ -216,6 +216,10 @@ class Equations:
         is none."""
         return _by_name(self.requests, name)
 
+    def offers(self, name: str) -> bool:
+        """Whether there is a function of that name on request."""
+        return any(request.name == name for request in self.requests)
+
 
 def _by_name(items: tuple[Any, ...], name: str) -> Any:
     return {item.name: item for item in items}[name]

@@ -6,13 +6,14 @@ from derive.joints.cylindrical import CYLINDRICAL
 from derive.joints.fixed import FIXED
 from derive.joints.free import FLOATING, FREE, free_joint
 from derive.joints.planar import PLANAR
+from derive.joints.point import POINT
 from derive.joints.prismatic import PRISMATIC
 from derive.joints.records import JointType
 from derive.joints.revolute import REVOLUTE
 from derive.joints.screw import SCREW, screw_joint
 from derive.joints.universal import UNIVERSAL
 
-JOINTS = (REVOLUTE, PRISMATIC, SCREW, CYLINDRICAL, UNIVERSAL, BALL, PLANAR, FREE, FIXED)
+JOINTS = (REVOLUTE, PRISMATIC, SCREW, CYLINDRICAL, UNIVERSAL, BALL, PLANAR, POINT, FREE, FIXED)
 
 # joints of planar models; joints that can also close a loop, in space and in the plane
 PLANAR_JOINTS = tuple(joint.name for joint in JOINTS if joint.planar)

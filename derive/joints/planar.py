@@ -13,22 +13,25 @@ from derive.joints.rotations import axis_rotation, cross, rotated, sum_of
 from derive.joints.turns import turn
 
 
-def _first(axis: Sequence[Scalar]) -> Vector:
+def first(axis: Sequence[Scalar]) -> Vector:
+    """e1 of the plane at right angles to the axis."""
     along_x = abs(float(axis[0])) == 1.0
     return [0.0, 1.0, 0.0] if along_x else [1.0, 0.0, 0.0]
 
 
-def _second(axis: Sequence[Scalar]) -> Vector:
-    return cross(axis, _first(axis))
+def second(axis: Sequence[Scalar]) -> Vector:
+    """e2 = axis × e1."""
+    return cross(axis, first(axis))
 
 
-def _in_plane(a: Scalar, b: Scalar, axis: Sequence[Scalar]) -> Vector:
-    return sum_of([a * e for e in _first(axis)], [b * e for e in _second(axis)])
+def in_plane(a: Scalar, b: Scalar, axis: Sequence[Scalar]) -> Vector:
+    """a e1 + b e2."""
+    return sum_of([a * e for e in first(axis)], [b * e for e in second(axis)])
 
 
 def _rates(q: Sequence[Scalar], v: Sequence[Scalar], axis: Sequence[Scalar]) -> Vector:
-    velocity = rotated(axis_rotation(axis, q[2]), _in_plane(v[0], v[1], axis))
-    return [_component(velocity, _first(axis)), _component(velocity, _second(axis)), v[2]]
+    velocity = rotated(axis_rotation(axis, q[2]), in_plane(v[0], v[1], axis))
+    return [_component(velocity, first(axis)), _component(velocity, second(axis)), v[2]]
 
 
 def _component(x: Sequence[Scalar], unit: Sequence[Scalar]) -> Scalar:
@@ -42,10 +45,10 @@ PLANAR = JointType(
     velocities=(Slot("vx", "m/s"), Slot("vy", "m/s"), Slot("w", "rad/s")),
     needs_axis=False,
     rotation=lambda q, axis: turn(axis, q[2]),
-    translation=lambda q, axis: _in_plane(q[0], q[1], axis),
+    translation=lambda q, axis: in_plane(q[0], q[1], axis),
     motion=lambda q, axis: [
-        [0.0, 0.0, 0.0, *_first(axis)],
-        [0.0, 0.0, 0.0, *_second(axis)],
+        [0.0, 0.0, 0.0, *first(axis)],
+        [0.0, 0.0, 0.0, *second(axis)],
         [*axis, 0.0, 0.0, 0.0],
     ],
     rates=_rates,

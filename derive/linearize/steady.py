@@ -49,6 +49,7 @@ class Problem:
     shifts: ca.Function  # (x, u, p, s) → ∂R/∂(p, s)
     kinematics: Kinematics
     speeds: ca.Function  # (t, q, p) → B of w = B v
+    declared: dict[str, ca.Function]  # (t, q, p) → row of a quasi-velocity that the file declares
     names: tuple[str, ...]  # what is held
     held: ca.Function  # (p, s) → its values
     scale: np.ndarray  # one of each unknown
@@ -102,7 +103,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
     # a cyclic coordinate may go on changing: a rolling wheel's angle does
     still = [i for i in range(f.value.numel()) if i not in cyclic]
     wanted = _values_by_name(equations, motion, s)
-    quantities = _quantities(equations)
+    quantities = _quantities(equations) | _declared(equations, motion)
     held = _column([quantities[name][0] - value for name, value in wanted.items()])
     positions = position_rows(system)
     names = [
@@ -128,6 +129,10 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         shifts=ca.Function("shifts", known, [ca.densify(ca.jacobian(R, ca.vertcat(p, s)))]),
         kinematics=Kinematics(changed(system, p=system.own_p)),
         speeds=ca.Function("B", [system.t, system.q, system.own_p], [ca.densify(B)]),
+        declared={
+            name: ca.Function("row", [system.t, system.q, system.own_p], [ca.densify(row)])
+            for name, row in _speed_rows(equations, motion).items()
+        },
         names=tuple(wanted),
         held=ca.Function("held", [p, s], [_column(list(wanted.values()))]),
         scale=scales(system.model).all_of(
@@ -164,6 +169,24 @@ def _quantities(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
     found |= {v.name: (results["velocity"][i], v.unit) for i, v in enumerate(model.velocities)}
     found |= {x.name: (system.z[k], x.unit) for k, x in enumerate(model.states)}
     return found | {i.name: (system.u[k], i.unit) for k, i in enumerate(model.inputs)}
+
+
+def _declared(equations: Equations, motion: SteadyMotion) -> dict[str, tuple[ca.SX, str]]:
+    """The quasi-velocities that a motion may hold, over (x, p), with units."""
+    v = equations.function("velocity").result.value
+    rows = _speed_rows(equations, motion)
+    return {name: (ca.mtimes(rows[name], v), unit) for name, _, unit in motion.speeds}
+
+
+def _speed_rows(equations: Equations, motion: SteadyMotion) -> dict[str, ca.SX]:
+    """Quasi-velocities are linear in v: the row of each over (t, q, p)."""
+    system = equations.system
+    symbols = system.symbols
+    names = dict(symbols.names)
+    return {
+        name: ca.jacobian(ca.SX(value(e, names, symbols.rates, symbols.functions)), system.v)
+        for name, e, _ in motion.speeds
+    }
 
 
 def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
@@ -255,6 +278,7 @@ def _velocities(
     A, c, N = found.kinematics.velocities(0.0, q, p)
     rows = {f"der({x.name})": N[i] for i, x in enumerate(system.model.coordinates)}
     rows |= {x.name: np.eye(A.shape[1])[j] for j, x in enumerate(system.model.velocities)}
+    rows |= {name: row(0.0, q, p).full()[0] for name, row in found.declared.items()}
     names = [name for name in given if name in rows]
     matrix = np.vstack([A, *[rows[name] for name in names]])
     return np.linalg.lstsq(

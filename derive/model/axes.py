@@ -23,7 +23,7 @@ def axis(
     """The joint's axis: a planar model's normal where it turns, what the file says where it
     slides."""
     space = reader.space
-    turns = kind in ("revolute", "planar")
+    turns = kind in ("revolute", "planar", "point")
     if entry.axis is None:
         if needed and not (space.plane and turns):
             wanted = f"axis: {', '.join(space.letters)} or a list of numbers"
@@ -35,7 +35,7 @@ def axis(
     if space.plane and turns:
         return _turning_axis(reader, entry.axis, kind)
     given = reader.direction(entry.axis, "an axis")
-    if kind == "planar" and isinstance(entry, JointEntry):
+    if kind in ("planar", "point") and isinstance(entry, JointEntry):
         _check_plane(reader, entry.axis, given)
     return given
 

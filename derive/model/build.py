@@ -25,8 +25,8 @@ from derive.model import (
 )
 from derive.model.collisions import check_collisions
 from derive.model.document import MOST_BODIES, Key, Scalar, Source
-from derive.model.entries import Entry
 from derive.model.frames import Frame, Names
+from derive.model.keys import Entry
 from derive.model.loads.expression import generalised_force
 from derive.model.loads.in_joint import in_joint
 from derive.model.massless import check_tips
@@ -129,6 +129,8 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         motions.output(reader, document, names, key, scalar)
         for key, scalar in document.outputs.items()
     )
+    choices = motions.choices(reader, document)
+    found = tuple(bodies.body(reader, key, entry) for key, entry in document.bodies.items())
     model = Model(
         name=document.model.text,
         description=document.description.text if document.description else "",
@@ -140,7 +142,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         coordinates=names.coordinates,
         velocities=names.velocities,
         definitions=names.definitions,
-        bodies=tuple(bodies.body(reader, key, entry) for key, entry in document.bodies.items()),
+        bodies=found,
         joints=tuple(mechanism.joint(reader, frame) for frame in joints),
         closures=tuple(
             mechanism.closure(reader, document, key, entry)
@@ -150,7 +152,10 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             _constraint(reader, document, names, key, entry)
             for key, entry in document.constraints.items()
         ),
-        loads=_loads(reader, document, joints, names),
+        loads=(
+            *_loads(reader, document, joints, names),
+            *bodies.exhausts(reader, document.bodies, found),
+        ),
         inputs=names.inputs,
         states=states.states(reader, document, names.states),
         outputs=outputs,
@@ -161,10 +166,10 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         ),
         symbols=letters.letters(reader, document, names.coordinates),
         body_symbols=letters.of_bodies(reader, document),
-        choices=motions.choices(reader, document),
+        choices=choices,
         initial=motions.initial(reader, document, joints),
         steady_motions=tuple(
-            steady.steady_motion(reader, key, entry)
+            steady.steady_motion(reader, key, entry, steady.speeds(choices))
             for key, entry in document.steady_motion.items()
         ),
         kinetic=_energy(reader, document.kinetic, "a kinetic energy", MOTION),

@@ -6,12 +6,12 @@ from derive.expressions.dimensions import infer
 from derive.expressions.parser import unit
 from derive.expressions.tree import Call
 from derive.model.document import Key, Scalar
-from derive.model.entries import EventEntry
 from derive.model.reader import UNREAD, Reader
 from derive.model.records import Event, Output
 from derive.model.rows import components
 from derive.model.scope import ANYTHING, VELOCITY, Scope, Symbol
 from derive.model.shape import Document
+from derive.model.study_entries import EventEntry
 
 DIRECTIONS = {"both": 0, "rising": 1, "falling": -1}
 MOST = 64  # that the simulation of a module looks for

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from derive.expressions.tree import Expression
 from derive.model.document import Key, Scalar
-from derive.model.entries import ExtremeEntry
 from derive.model.limits import RTOL
 from derive.model.motions import state_name
 from derive.model.reader import Reader
 from derive.model.records import Extreme
+from derive.model.study_entries import ExtremeEntry
 
 INTEGRATOR, REAL = "dop853", "float64"  # where a case says nothing
 

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 from derive.model.document import Key
-from derive.model.entries import BodyEntry, Entry, FrameEntry, JointEntry
+from derive.model.entries import BodyEntry, JointEntry
 from derive.model.frames import Names
+from derive.model.keys import Entry
+from derive.model.place_entries import FrameEntry
 from derive.model.reader import Reader
 
 Record = TypeVar("Record", covariant=True)

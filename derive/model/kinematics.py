@@ -331,14 +331,20 @@ class Rewriting:
         return self.frame(arguments[0])
 
     def axis(self, node: Expression) -> tuple[float, float, float]:
-        """A constant direction of length one: a letter or numbers."""
+        """A constant direction of length one: a letter, with or without a minus, or numbers."""
         letters = self.space.letters
+        if isinstance(node, tree.Negative):
+            x, y, z = self.axis(node.argument)
+            return (0.0 - x, 0.0 - y, 0.0 - z)
         if isinstance(node, Name) and node.name in letters:
-            return tuple(float(letter == node.name) for letter in "xyz")  # type: ignore[return-value]
+            x, y, z = (float(letter == node.name) for letter in "xyz")
+            return x, y, z
         sized = isinstance(node, tree.Vector) and len(node.entries) == self.space.size
         if not sized or not is_constant(node):
             raise self._fault(
-                "this is no direction", node, f"{', '.join(letters)} or a list of numbers"
+                "this is no direction",
+                node,
+                f"{', '.join(letters)}, with or without a minus, or a list of numbers",
             )
         assert isinstance(node, tree.Vector)
         embedded = self.space.embedded(list(node.entries))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TypeGuard
 
 from derive.diagnostics import did_you_mean, listed
@@ -171,9 +172,11 @@ def _initial(
     found[name] = InitialValue(name, value, held, key.span)
 
 
-def state_name(reader: Reader, key: Key, inputs: bool = False) -> str | None:
+def state_name(
+    reader: Reader, key: Key, inputs: bool = False, more: Iterable[str] = ()
+) -> str | None:
     """The coordinate, rate or generalized velocity (or input) that a key such as `q1`, `der(q1)` or
-    `base.vx` names, in its canonical spelling."""
+    `base.vx` names, in its canonical spelling; `more` is what the place knows besides."""
     scalar = Scalar(str(key), key.span, True, True)
     scope = reader.scope
     kinds: tuple[frozenset[str], ...] = tuple(
@@ -198,6 +201,7 @@ def state_name(reader: Reader, key: Key, inputs: bool = False) -> str | None:
                 if name in scope.symbols
                 else f"unknown coordinate or velocity '{key}'"
             )
+            known += more
             raise FormulaError(message, str(key), 0, listed(known), did_you_mean(name, known))
     except FormulaError as error:
         reader.fault(scalar, error)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.model.document import Key
-from derive.model.entries import FrameEntry
 from derive.model.mechanism import some_body
+from derive.model.place_entries import FrameEntry
 from derive.model.placements import rotation
 from derive.model.reader import Reader
 from derive.model.records import GROUND, Model, NamedFrame, Placement
@@ -23,6 +23,7 @@ ON_AXES = ("jacobian", "jdot_v", "frame_velocity", "frame_acceleration")
 IN_QUASI_VELOCITIES = ("jacobian_w", "jdot_w")
 FAMILIES = (
     "pose",
+    "pose_quaternion",
     "pose_jacobian",
     *(name + axes for name in (*ON_AXES, *IN_QUASI_VELOCITIES) for axes in AXES),
 )

@@ -12,8 +12,8 @@ from derive.expressions.evaluate import is_constant
 from derive.expressions.tree import Call, Expression, Number
 from derive.model import algebra
 from derive.model.document import Items, Key, Scalar
-from derive.model.entries import SideEntry, SidesEntry, TurnedEntry
 from derive.model.limits import ORTHOGONAL
+from derive.model.place_entries import SideEntry, SidesEntry, TurnedEntry
 from derive.model.reader import Reader
 from derive.model.records import Placement, Vector3
 from derive.model.space import Rotation, snapped, turned_about

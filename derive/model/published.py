@@ -8,11 +8,11 @@ import re
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions.tree import Expression
 from derive.model.document import Key, Scalar
-from derive.model.entries import ReferenceEntry
 from derive.model.motions import state_name
 from derive.model.reader import Reader
 from derive.model.records import Published
 from derive.model.scope import VELOCITY
+from derive.model.study_entries import ReferenceEntry
 
 ENERGIES = ("T", "V")
 _OUTPUT = re.compile(r"([A-Za-z_]\w*)(\[\d+\])?")

@@ -135,13 +135,19 @@ class Measure:
 @dataclass(frozen=True)
 class Body:
     """Mass (kg), centre of mass (m, body frame), inertia (kg m², entries xx, yy, zz, xy, xz, yz
-    about the centre of mass)."""
+    about the centre of mass).
+
+    `first_moment` (kg m) and `about_origin` (kg m², the same entries) where the file gives these:
+    they are then what equations are made of, and the others follow.
+    """
 
     name: str
     mass: Expression
     com: Vector3
     inertia: tuple[Expression, Expression, Expression, Expression, Expression, Expression]
     span: Span
+    first_moment: Vector3 | None = None
+    about_origin: tuple[Expression, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -172,7 +178,11 @@ class Joint:
 @dataclass(frozen=True)
 class Closure:
     """A joint that closes a loop; the first body is the joint's parent, `pitch` and `axis2` are as
-    with joints."""
+    with joints.
+
+    `along` says along whose axes points that meet are measured: 0 and 1 are the joint frames on the
+    two bodies. The ground's, unless these say what others do not.
+    """
 
     name: str
     type: str
@@ -182,6 +192,7 @@ class Closure:
     span: Span
     axis2: Vector3 | None = None
     pitch: Expression = ZERO
+    along: int = -1
 
 
 class Constraint(Protocol):
@@ -287,7 +298,8 @@ class SteadyMotion:
 
     Inputs that are not named are zero, `free` ones are found. `guesses` are where the search for
     the rest starts; `cyclic` coordinates, where given, are the ones to leave out; `ranges`:
-    sweepable name or parameter → first, last and how many values.
+    sweepable name or parameter → first, last and how many values; `speeds` are the declared
+    quasi-velocities among what is held or guessed: name, formula, unit.
     """
 
     name: str
@@ -298,6 +310,7 @@ class SteadyMotion:
     guesses: tuple[tuple[str, Expression], ...] = ()
     cyclic: tuple[str, ...] | None = None
     ranges: tuple[tuple[str, float, float, int], ...] = ()
+    speeds: tuple[tuple[str, Expression, str], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -14,28 +14,27 @@ from derive.model.constraints import CONSTRAINTS
 from derive.model.document import Entries, Scalar
 from derive.model.entries import (
     BodyEntry,
-    Choice,
     ClosureEntry,
     Coordinate,
-    Entry,
-    EventOrFormula,
-    ExtremeEntry,
-    Formula,
-    FrameEntry,
-    Held,
-    Initial,
     InputEntry,
     JointEntry,
-    Name,
     Parameter,
-    Point,
-    ReferenceEntry,
     StateEntry,
     TableEntry,
     WaypointEntry,
 )
+from derive.model.keys import Constants, Entry, Formula, Name, Text, term
 from derive.model.kind import Kind
 from derive.model.loads import LOADS
+from derive.model.place_entries import FrameEntry
+from derive.model.study_entries import (
+    Choice,
+    EventOrFormula,
+    ExtremeEntry,
+    Held,
+    Initial,
+    ReferenceEntry,
+)
 
 SECTIONS: dict[str, Sequence[Kind[Any]]] = {"constraints": CONSTRAINTS, "loads": LOADS}
 
@@ -70,75 +69,129 @@ else:
 class Document(Entry):
     """A mechanical system: bodies, joints and closures, or coordinates and energies, or both."""
 
-    model: Formula = Field(
-        description="Name of the model; the generated module and its functions carry it."
+    model: Text = Field(
+        description="Name of the model; the generated module and its functions carry it.",
+        json_schema_extra=term("prefix of every name in the code"),
     )
-    description: Formula | None = Field(None, description="One or two sentences for readers.")
+    description: Text | None = Field(
+        None,
+        description="One or two sentences for readers.",
+        json_schema_extra=term("nothing; for readers"),
+    )
     plane: Literal["xy", "xz", "yz"] | None = Field(
-        None, description="For planar models: the plane. Points have two components then."
+        None,
+        description="For planar models: the plane. Points have two components then.",
+        json_schema_extra=term("the normal that angles turn about"),
     )
-    gravity: Point | None = Field(None, description="Acceleration of gravity in the ground frame.")
-    parameters: dict[Name, Parameter] = Field({}, description="Names for numbers, with units.")
+    gravity: Constants | None = Field(
+        None,
+        description="Acceleration of gravity in the ground frame.",
+        json_schema_extra=term("g in V = −Σ m g·r", "m/s^2"),
+    )
+    parameters: dict[Name, Parameter] = Field(
+        {}, description="Names for numbers, with units.", json_schema_extra=term("p")
+    )
     coordinates: dict[Name, Coordinate] = Field(
-        {}, description="Coordinates of the analytic form, with units."
+        {},
+        description="Coordinates of the analytic form, with units.",
+        json_schema_extra=term("entries of q and v"),
     )
-    where: dict[Name, Formula] = Field({}, description="Names for formulas used in several places.")
+    where: dict[Name, Formula] = Field(
+        {},
+        description="Names for formulas used in several places.",
+        json_schema_extra=term("the formulas themselves, wherever the names stand"),
+    )
     tables: dict[Name, TableEntry] = Field(
-        {}, description="Functions of one number by points, for formulas."
+        {},
+        description="Functions of one number by points, for formulas.",
+        json_schema_extra=term("functions of one number"),
     )
-    bodies: dict[Name, BodyEntry] = Field({}, description="Rigid bodies.")
-    joints: dict[Name, JointEntry] = Field({}, description="The tree of joints from the ground.")
-    closures: dict[Name, ClosureEntry] = Field({}, description="Joints that close loops.")
+    bodies: dict[Name, BodyEntry] = Field(
+        {}, description="Rigid bodies.", json_schema_extra=term("terms of T and V")
+    )
+    joints: dict[Name, JointEntry] = Field(
+        {},
+        description="The tree of joints from the ground.",
+        json_schema_extra=term("q, v, q̇ = N v"),
+    )
+    closures: dict[Name, ClosureEntry] = Field(
+        {}, description="Joints that close loops.", json_schema_extra=term("rows of φ = 0")
+    )
     frames: dict[Name, FrameEntry] = Field(
         {},
         description="Frames fixed to bodies, for functions on request (pose_NAME, jacobian_NAME …) "
         "and wrenches; every body and joint is one of its own name.",
+        json_schema_extra=term("R, p and J of functions on request"),
     )
     paths: dict[Name, list[WaypointEntry]] = Field(
         {},
         description="Ways of ropes, muscles and cylinders through points and round pulleys; "
         "length(NAME) in formulas.",
+        json_schema_extra=term("lengths ℓ(q)"),
     )
     constraints: dict[Name, Constraint] = Field(
-        {}, description="Holonomic and nonholonomic constraints."
+        {},
+        description="Holonomic and nonholonomic constraints.",
+        json_schema_extra=term("rows of φ = 0 and A v = c"),
     )
     redundant: Literal["drop", "keep"] = Field(
         "drop",
         description="Constraint rows that repeat others: drop them, or keep all and give the "
         "least reactions.",
+        json_schema_extra=term("which rows of A are kept"),
     )
-    kinetic: Formula | None = Field(None, description="Kinetic energy of the analytic form.")
-    potential: Formula | None = Field(None, description="Potential energy of the analytic form.")
+    kinetic: Formula | None = Field(
+        None,
+        description="Kinetic energy of the analytic form.",
+        json_schema_extra=term("a part of T, quadratic in the rates", "J"),
+    )
+    potential: Formula | None = Field(
+        None,
+        description="Potential energy of the analytic form.",
+        json_schema_extra=term("a part of V", "J"),
+    )
     forces: dict[Name, Formula] = Field(
-        {}, description="Generalised forces of the analytic form, per coordinate."
+        {},
+        description="Generalised forces of the analytic form, per coordinate.",
+        json_schema_extra=term("parts of Q, per coordinate", "N | N*m"),
     )
     loads: dict[Name, Load] = Field(
-        {}, description="Springs, dampers, forces, torques and force laws."
+        {},
+        description="Springs, dampers, forces, torques and force laws.",
+        json_schema_extra=term("parts of Q and V"),
     )
-    inputs: dict[Name, InputEntry] = Field({}, description="Actuators.")
+    inputs: dict[Name, InputEntry] = Field(
+        {}, description="Actuators.", json_schema_extra=term("u")
+    )
     states: dict[Name, StateEntry] = Field(
         {},
         description="First-order states: numbers whose rates are formulas, which loads, outputs, "
         "events and other rates may use.",
+        json_schema_extra=term("z"),
     )
     outputs: dict[Name, Formula] = Field(
         {},
         description="Formulas, position(body, point), velocity(body, point), angle(body), "
         "reaction(name).",
+        json_schema_extra=term("y"),
     )
     events: dict[Name, EventOrFormula] = Field(
         {},
         description="Where a formula of coordinates, velocities, outputs (tip.x) and t changes its "
         "sign: counted, or the end of the motion.",
+        json_schema_extra=term("what is looked for along a motion"),
     )
     quasi_velocities: dict[Name, Choice] = Field(
         {},
         description="Choices of quasi-velocities: a list or mapping of formulas linear in the "
         "velocities, or one of "
         "auto, orthonormal, frozen, mass_orthogonal.",
+        json_schema_extra=term("rows of B in w = B v"),
     )
     initial: dict[Name, Initial] = Field(
-        {}, description="State at t = 0; values under `guess` may move to make it consistent."
+        {},
+        description="State at t = 0; values under `guess` may move to make it consistent.",
+        json_schema_extra=term("q, v at t = 0, in their units"),
     )
     steady_motion: dict[Name, dict[Name, Held]] = Field(
         {},
@@ -147,14 +200,19 @@ class Document(Entry):
         "`guess`: where the search for the rest starts; `sweep`: ranges [first, last, count] of "
         "names free to choose or "
         "of parameters; `cyclic`: the coordinates to leave out.",
+        json_schema_extra=term("the point of a linearisation"),
     )
 
     reference: dict[Name, ReferenceEntry] = Field(
-        {}, description="Published values that `hamel verify` holds the model to."
+        {},
+        description="Published values that `hamel verify` holds the model to.",
+        json_schema_extra=term("nothing; numbers that verify compares"),
     )
 
     extremes: dict[Name, ExtremeEntry] = Field(
-        {}, description="Extreme cases and what is expected of each, for `hamel extremes`."
+        {},
+        description="Extreme cases and what is expected of each, for `hamel extremes`.",
+        json_schema_extra=term("nothing; cases that `hamel extremes` runs"),
     )
 
     @model_validator(mode="before")
@@ -206,8 +264,18 @@ def json_schema(joints: tuple[str, ...], closures: tuple[str, ...]) -> dict[str,
                 "const": kind,
                 "description": "Kind of entry.",
             }
+    for owner in (schema, *definitions.values()):
+        _say_defaults(owner.get("properties", {}))
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
         "title": "hamel model",
     }
+
+
+def _say_defaults(properties: dict[str, dict[str, Any]]) -> None:
+    """Editors show the description and nothing else: what holds where a key is left out goes
+    there."""
+    for said in properties.values():
+        if "otherwise" in said:
+            said["description"] += f" When left out: {said['otherwise']}."

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
-from derive.expressions.dimensions import UNKNOWN
+from derive.expressions.dimensions import UNKNOWN, infer
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.tree import Expression
@@ -15,16 +17,40 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.motions import state_name
 from derive.model.names import objection
 from derive.model.reader import Reader
-from derive.model.records import SteadyMotion
+from derive.model.records import Choice, SteadyMotion
 from derive.model.scope import INPUT, PARAMETER, Symbol
 
 RESERVED = ("guess", "sweep", "cyclic")  # keys of a steady motion that name no state
 COUNT = 101  # values in a range that does not say how many
 
 
-def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMotion:
-    """What is held along a steady motion. Names the model does not know are free: they can be
-    swept. Inputs that are not named are zero, those called `free` are found with the motion."""
+@dataclass(frozen=True)
+class Speeds:
+    """The quasi-velocities that a file declares with names, alone and as CHOICE.NAME. Where two
+    choices give one name to different formulas the name alone is `ambiguous`."""
+
+    formulas: Mapping[str, Expression]
+    ambiguous: Mapping[str, tuple[str, ...]]
+
+
+def speeds(choices: Sequence[Choice]) -> Speeds:
+    """The named rows of all choices."""
+    formulas: dict[str, Expression] = {}
+    owners: dict[str, list[str]] = {}
+    ambiguous: set[str] = set()
+    for choice in choices:
+        for name, formula in choice.rows:
+            formulas[f"{choice.name}.{name}"] = formula
+            owners.setdefault(name, []).append(f"{choice.name}.{name}")
+            if formulas.setdefault(name, formula) != formula:
+                ambiguous.add(name)
+    return Speeds(formulas, {name: tuple(owners[name]) for name in ambiguous})
+
+
+def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any], known: Speeds) -> SteadyMotion:
+    """What is held along a steady motion: coordinates, velocities, inputs, states and declared
+    quasi-velocities. Names the model does not know are free: they can be swept. Inputs that are
+    not named are zero, those called `free` are found with the motion."""
     reader.name(key)
     sweepable: dict[str, None] = {}
     values: dict[str, Expression] = {}
@@ -32,7 +58,7 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMoti
     for state, scalar in entry.items():
         if str(state) in RESERVED:
             continue
-        name = state_name(reader, state, inputs=True)
+        name = _name(reader, state, known)
         if name is None:
             continue
         if not isinstance(scalar, Scalar):
@@ -48,7 +74,7 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMoti
             _check_input(reader, state, name, scalar)
         else:
             sweepable |= dict.fromkeys(_free_names(reader, scalar))
-            values[name] = _with_free_names(reader, scalar, sweepable, _unit(reader, name))
+            values[name] = _with_free_names(reader, scalar, sweepable, _unit(reader, name, known))
     rest = {str(k): (k, value) for k, value in entry.items() if str(k) in RESERVED}
     return SteadyMotion(
         name=str(key),
@@ -56,15 +82,32 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any]) -> SteadyMoti
         sweepable=tuple(sweepable),
         span=key.span,
         free=tuple(free),
-        guesses=_guesses(reader, rest.get("guess"), values, tuple(sweepable)),
+        guesses=_guesses(reader, rest.get("guess"), values, tuple(sweepable), known),
         cyclic=_cyclic(reader, rest.get("cyclic")),
         ranges=_ranges(reader, rest.get("sweep"), tuple(sweepable)),
+        speeds=tuple(
+            (name, formula, _unit(reader, name, known) or "")
+            for name, formula in known.formulas.items()
+        ),
     )
+
+
+def _name(reader: Reader, key: Key, known: Speeds) -> str | None:
+    """The canonical spelling of what a key names; None after reporting that it is nothing."""
+    name = str(key)
+    if name in known.ambiguous:
+        wanted = listed(known.ambiguous[name])
+        reader.report(key.span, f"'{name}' is a quasi-velocity of several choices", wanted)
+        return None
+    if name in known.formulas:
+        return name
+    return state_name(reader, key, inputs=True, more=known.formulas)
 
 
 def _check_input(reader: Reader, state: Key, name: str, scalar: Scalar) -> None:
     """Coordinates and velocities need no word to be found."""
-    if reader.scope.symbols[name].kinds != frozenset({INPUT}):
+    symbol = reader.scope.symbols.get(name)
+    if symbol is None or symbol.kinds != frozenset({INPUT}):
         hint = (
             f"what is not held is found: leave '{state}' out, or say under guess where its "
             "search starts"
@@ -87,7 +130,11 @@ def _entries(reader: Reader, part: Part, wanted: str) -> dict[Key, Any]:
 
 
 def _guesses(
-    reader: Reader, part: Part, held: dict[str, Expression], sweepable: tuple[str, ...]
+    reader: Reader,
+    part: Part,
+    held: dict[str, Expression],
+    sweepable: tuple[str, ...],
+    known: Speeds,
 ) -> tuple[tuple[str, Expression], ...]:
     found: dict[str, Expression] = {}
     for state, scalar in _entries(reader, part, "names and numbers to start from").items():
@@ -95,7 +142,7 @@ def _guesses(
             where = f"a range under sweep, or a value: hamel linearize --set {state}=…"
             reader.report(state.span, f"'{state}' is free to choose and is not searched for", where)
             continue
-        name = state_name(reader, state, inputs=True)
+        name = _name(reader, state, known)
         if name is None:
             continue
         if name in held or name in found:
@@ -105,7 +152,7 @@ def _guesses(
             reader.report(state.span, f"a list for the guess of '{state}'", "a number")
         else:
             found[name] = reader.of_parameters(
-                scalar, f"the guess of {state}", unit=_unit(reader, name)
+                scalar, f"the guess of {state}", unit=_unit(reader, name, known)
             )
     return tuple(found.items())
 
@@ -167,8 +214,11 @@ def _range(reader: Reader, name: str, items: Items) -> list[tuple[str, float, fl
     return [(name, first, last, int(count))]
 
 
-def _unit(reader: Reader, name: str) -> str | None:
+def _unit(reader: Reader, name: str, known: Speeds = Speeds({}, {})) -> str | None:
     """What a held value is measured in; None where the name says nothing of it."""
+    if name in known.formulas:
+        dimension = infer(known.formulas[name], reader.scope.dimensions, "")
+        return pretty(dimension) if isinstance(dimension, tuple) else None
     symbol = reader.scope.symbols[name]
     if symbol.unit:
         return symbol.unit

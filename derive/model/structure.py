@@ -12,7 +12,7 @@ from derive.diagnostics import Diagnostic, ModelError, did_you_mean, distinct, l
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit as unit_of
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source, described
-from derive.model.entries import Entry
+from derive.model.keys import Entry
 from derive.model.records import Span
 from derive.model.shape import Document
 
@@ -145,6 +145,8 @@ _OTHER_WORDS = {
 
 
 def _near_key(name: str, keys: Collection[str]) -> str:
+    if name.count(")") > name.count("("):  # the rest of {tension: max(a, b)}
+        return 'inside { } and [ ] a formula with a comma stands in quotes: "max(a, b)"'
     other = _OTHER_WORDS.get(name)
     return f"did you mean '{other}'?" if other in keys else did_you_mean(name, keys)
 

@@ -1,21 +1,22 @@
-"""schema: the JSON Schema that editors complete model files from."""
+"""schema: the JSON Schema that editors complete model files from, and the language reference."""
 
 from __future__ import annotations
 
 import json
 from typing import TYPE_CHECKING, Any
 
-from derive.model import schema
+from derive.model import reference, schema
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 
-def run() -> dict[str, Any]:
-    """The JSON Schema of model files, made from the records that read them."""
-    return schema()
+def run(page: bool) -> dict[str, Any] | str:
+    """The JSON Schema of model files, or the page; both made from the records that read them."""
+    return reference.page() if page else schema()
 
 
-def show(record: dict[str, Any], console: Console) -> None:
-    """The schema as indented JSON, whatever the width of the terminal."""
-    console.print(json.dumps(record, indent=2), soft_wrap=True)
+def show(record: dict[str, Any] | str, console: Console) -> None:
+    """The schema as indented JSON, or the page, whatever the width of the terminal."""
+    text = record if isinstance(record, str) else json.dumps(record, indent=2)
+    console.print(text, soft_wrap=True, markup=False, highlight=False, emoji=False)

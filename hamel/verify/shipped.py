@@ -42,6 +42,7 @@ def shipped(
     emitted: Collection[str],
     seed: int,
     states: int = STATES,
+    most: int = MOST,
     module: ModuleType | None = None,
 ) -> dict[str, Any]:
     """Emitted function → {"t", "x", "u", "p", "expected", "size"}, a row for
@@ -49,12 +50,12 @@ def shipped(
 
     `size` is the largest entry of the result or, where it cancels, of what roundoff leaves there.
 
-    Functions of very large models are left out from where there would be too many numbers. Values
-    of a long tree, whose equations are not written out, are those that the reference finds
+    Functions of very large models are left out from where there would be more than `most` numbers.
+    Values of a long tree, whose equations are not written out, are those that the reference finds
     balanced in its `module`.
     """
     if module is not None and is_long(equations, module):
-        return _of_long(equations, module, seed, states)
+        return _of_long(equations, module, seed, states, most)
     seen = evidence(reference(equations.system.model), equations, None, states, seed)
     found: dict[str, Any] = {}
     numbers = 0
@@ -62,12 +63,14 @@ def shipped(
         for name in chart.graph.functions:
             rows = _rows(chart, name) if name + suffix in emitted else {}
             numbers += _size(rows)
-            if rows and numbers <= MOST:
+            if rows and numbers <= most:
                 found[name + suffix] = rows
     return found
 
 
-def _of_long(equations: Equations, module: ModuleType, seed: int, states: int) -> dict[str, Any]:
+def _of_long(
+    equations: Equations, module: ModuleType, seed: int, states: int, most: int
+) -> dict[str, Any]:
     found: dict[str, Any] = {}
     numbers = 0
     for name, kept in shipped_rows(equations, module, seed, states):
@@ -78,7 +81,7 @@ def _of_long(equations: Equations, module: ModuleType, seed: int, states: int) -
             rows.append((t, x.tolist(), u.tolist(), p.tolist(), expected, float(f"{size:.2g}")))
         columns: dict[str, Any] = dict(zip(("t", "x", "u", "p", "expected", "size"), zip(*rows)))
         numbers += _size(columns)
-        if rows and numbers <= MOST:
+        if rows and numbers <= most:
             found[name] = columns
     return found
 

@@ -11,8 +11,8 @@ from derive.model.algebra import minus, negated, plus
 from derive.model.constraint_records import Holonomic
 from derive.model.constraints.places import of_joint, of_name
 from derive.model.document import Items, Key
-from derive.model.entries import Entry, Formula, Point
 from derive.model.frames import Names
+from derive.model.keys import Constant, Entry, NameList, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.reader import Reader
 from derive.model.records import Coordinate
@@ -22,14 +22,29 @@ class CouplingEntry(Entry):
     """Two coordinates move in proportion, first = ratio * second + offset: belt, rack and pinion,
     mimic joint."""
 
-    type: Formula
-    joints: Point | None = Field(None, description="Two joints with one coordinate each.")
-    coordinates: Point | None = Field(None, description="Two coordinates.")
-    ratio: Formula = Field(description="Rate of the first per rate of the second.")
-    offset: Formula | None = Field(
-        None, description="The first coordinate where the second is zero."
+    type: Word = Field(
+        description="Kind of entry.", json_schema_extra=term("φ = q₁ − ratio q₂ − offset")
     )
-    about: Formula | None = None
+    joints: NameList | None = Field(
+        None,
+        description="Two joints with one coordinate each.",
+        json_schema_extra=term("q₁ and q₂"),
+    )
+    coordinates: NameList | None = Field(
+        None, description="Two coordinates.", json_schema_extra=term("q₁ and q₂")
+    )
+    ratio: Constant = Field(
+        description="Rate of the first per rate of the second.",
+        json_schema_extra=term("ratio", "1 | m/rad | rad/m"),
+    )
+    offset: Constant | None = Field(
+        None,
+        description="The first coordinate where the second is zero.",
+        json_schema_extra=term("offset", "m | rad"),
+    )
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 class GearEntry(CouplingEntry):

@@ -7,8 +7,8 @@ from pydantic import Field
 from derive.model.constraint_records import Distance
 from derive.model.constraints.lengths import length
 from derive.model.document import Key
-from derive.model.entries import Entry, Formula, Pair, Point
 from derive.model.frames import Names
+from derive.model.keys import Constant, Entry, NameList, Pair, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.mechanism import bodies
 from derive.model.reader import Reader
@@ -17,11 +17,17 @@ from derive.model.reader import Reader
 class DistanceEntry(Entry):
     """Two points of two bodies keep their distance: a massless rod."""
 
-    type: Formula
-    between: Point = Field(description="Two bodies.")
-    at: Pair = Field(description="A point of each.")
-    length: Formula = Field(description="The distance.")
-    about: Formula | None = None
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("φ = |p₂ − p₁|² − ℓ²"))
+    between: NameList = Field(
+        description="Two bodies.", json_schema_extra=term("bodies of p₁ and p₂")
+    )
+    at: Pair = Field(
+        description="A point of each.", json_schema_extra=term("p₁ and p₂ in their bodies", "m")
+    )
+    length: Constant = Field(description="The distance.", json_schema_extra=term("ℓ", "m"))
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def distance(

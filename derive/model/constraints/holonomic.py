@@ -8,8 +8,8 @@ from derive.expressions.tree import Expression
 from derive.model.constraint_records import Holonomic
 from derive.model.constraints.nonideal import nonideal
 from derive.model.document import Key, Scalar
-from derive.model.entries import Entry, Formula, PerCoordinate
 from derive.model.frames import Names
+from derive.model.keys import Entry, Formula, PerCoordinate, Text, term
 from derive.model.kind import Bodies, Kind
 from derive.model.reader import Reader
 from derive.model.scope import COORDINATE, POSITION, used
@@ -18,13 +18,19 @@ from derive.model.scope import COORDINATE, POSITION, used
 class HolonomicEntry(Entry):
     """A formula of the coordinates and t that stays zero."""
 
-    holonomic: Formula = Field(description="Formula of coordinates and t that is zero.")
+    holonomic: Formula = Field(
+        description="Formula of coordinates and t that is zero.",
+        json_schema_extra=term("φ(q, t); A = ∂φ̇/∂v, c = −∂φ/∂t"),
+    )
     nonideal: PerCoordinate | None = Field(
         None,
         description="The constraint's own generalised force, per coordinate; reaction.NAME is "
         "an ideal multiplier.",
+        json_schema_extra=term("a part of Q, per entry of q"),
     )
-    about: Formula | None = None
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def holonomic(

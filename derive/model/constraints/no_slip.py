@@ -6,8 +6,8 @@ from pydantic import Field
 
 from derive.model.constraint_records import NoSlip
 from derive.model.document import Key
-from derive.model.entries import Direction, Entry, Formula, Point
 from derive.model.frames import Names
+from derive.model.keys import Constants, Direction, Entry, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
@@ -16,15 +16,22 @@ from derive.model.reader import Reader
 class NoSlipEntry(Entry):
     """A point of a body does not move along a direction of the body: a knife edge, a wheel pair."""
 
-    type: Formula
-    body: Formula = Field(description="The body.")
-    at: Point | None = Field(
-        None, description="The point, in the body's frame; its origin when left out."
+    type: Word = Field(
+        description="Kind of entry.", json_schema_extra=term("a row e·ṗ = 0 of A v = c")
+    )
+    body: Named = Field(description="The body.", json_schema_extra=term("the body of p"))
+    at: Constants | None = Field(
+        None,
+        description="The point, in the body's frame.",
+        json_schema_extra=term("p", "m", "its origin"),
     )
     direction: Direction = Field(
-        description="The direction in which it does not slip, in the body's frame."
+        description="The direction in which it does not slip, in the body's frame.",
+        json_schema_extra=term("e", "1"),
     )
-    about: Formula | None = None
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def no_slip(reader: Reader, document: Bodies, names: Names, key: Key, entry: NoSlipEntry) -> NoSlip:

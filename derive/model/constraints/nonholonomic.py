@@ -10,8 +10,8 @@ from derive.expressions.tree import Expression
 from derive.model.constraint_records import Nonholonomic
 from derive.model.constraints.nonideal import nonideal, velocity_degree
 from derive.model.document import Key, Scalar
-from derive.model.entries import Entry, Formula, PerCoordinate
 from derive.model.frames import Names
+from derive.model.keys import Entry, Formula, PerCoordinate, Text, term
 from derive.model.kind import Bodies, Kind
 from derive.model.reader import Reader
 from derive.model.scope import MOTION
@@ -20,13 +20,19 @@ from derive.model.scope import MOTION
 class NonholonomicEntry(Entry):
     """A formula, linear in the rates, that stays zero."""
 
-    nonholonomic: Formula = Field(description="Formula that is zero, linear in the rates der(q).")
+    nonholonomic: Formula = Field(
+        description="Formula that is zero, linear in the rates der(q).",
+        json_schema_extra=term("a row of A v = c"),
+    )
     nonideal: PerCoordinate | None = Field(
         None,
         description="The constraint's own generalised force, per coordinate; reaction.NAME is "
         "an ideal multiplier.",
+        json_schema_extra=term("a part of Q, per entry of q"),
     )
-    about: Formula | None = None
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def nonholonomic(

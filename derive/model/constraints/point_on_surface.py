@@ -12,8 +12,8 @@ from derive.expressions.tree import Expression
 from derive.expressions.units import LENGTH
 from derive.model.constraint_records import OnSurface
 from derive.model.document import Key, Scalar
-from derive.model.entries import Entry, Formula, Point
 from derive.model.frames import Names
+from derive.model.keys import Constants, Entry, Formula, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
@@ -25,19 +25,26 @@ class OnSurfaceEntry(Entry):
     """A point of a body stays on a surface (a curve in a planar model) given by a formula of x, y,
     z."""
 
-    type: Formula
-    body: Formula = Field(description="The body.")
-    at: Point | None = Field(
-        None, description="The point, in the body's frame; its origin when left out."
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("φ = f(p)"))
+    body: Named = Field(description="The body.", json_schema_extra=term("the body of p"))
+    at: Constants | None = Field(
+        None,
+        description="The point, in the body's frame.",
+        json_schema_extra=term("p", "m", "its origin"),
     )
     surface: Formula = Field(
         description="Formula that is zero on the surface; x, y, z are coordinates in the frame "
-        "of `of`."
+        "of `of`.",
+        json_schema_extra=term("f"),
     )
-    of: Formula | None = Field(
-        None, description="The body the surface is fixed to; ground when left out."
+    of: Named | None = Field(
+        None,
+        description="The body the surface is fixed to.",
+        json_schema_extra=term("the frame of x, y, z", otherwise="ground"),
     )
-    about: Formula | None = None
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def on_surface(

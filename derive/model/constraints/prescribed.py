@@ -9,8 +9,8 @@ from derive.model.algebra import negated
 from derive.model.constraint_records import Holonomic
 from derive.model.constraints.places import of_joint, of_name
 from derive.model.document import Key
-from derive.model.entries import Entry, Formula
 from derive.model.frames import Names
+from derive.model.keys import Entry, Formula, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.reader import Reader
 from derive.model.records import Coordinate
@@ -20,11 +20,18 @@ from derive.model.scope import PARAMETER, TIME
 class PrescribedEntry(Entry):
     """A coordinate follows a formula of t."""
 
-    type: Formula
-    joint: Formula | None = Field(None, description="A joint with one coordinate.")
-    coordinate: Formula | None = Field(None, description="A coordinate.")
-    motion: Formula = Field(description="The coordinate as a formula of t and parameters.")
-    about: Formula | None = None
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("φ = q − f(t)"))
+    joint: Named | None = Field(
+        None, description="A joint with one coordinate.", json_schema_extra=term("q")
+    )
+    coordinate: Named | None = Field(None, description="A coordinate.", json_schema_extra=term("q"))
+    motion: Formula = Field(
+        description="The coordinate as a formula of t and parameters.",
+        json_schema_extra=term("f(t)", "m | rad"),
+    )
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def prescribed(

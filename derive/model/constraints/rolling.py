@@ -10,8 +10,18 @@ from derive.model.constraint_records import Rolling
 from derive.model.constraints.lengths import length
 from derive.model.constraints.point_on_surface import surface
 from derive.model.document import Key, Scalar
-from derive.model.entries import Direction, Entry, Formula, Point
 from derive.model.frames import Names
+from derive.model.keys import (
+    Constant,
+    Constants,
+    Direction,
+    Entry,
+    Formula,
+    Named,
+    Text,
+    Word,
+    term,
+)
 from derive.model.kind import Bodies, Kind
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
@@ -21,42 +31,70 @@ from derive.model.records import GROUND, Vector3
 class DiskEntry(Entry):
     """A thin disk, a wheel."""
 
-    radius: Formula = Field(description="Radius.")
-    axis: Direction | None = Field(None, description="Its axis in the body's frame.")
+    radius: Constant = Field(description="Radius.", json_schema_extra=term("r", "m"))
+    axis: Direction | None = Field(
+        None,
+        description="Its axis in the body's frame.",
+        json_schema_extra=term("e of the spin", "1"),
+    )
 
 
 class SphereEntry(Entry):
     """A sphere."""
 
-    radius: Formula = Field(description="Radius.")
+    radius: Constant = Field(description="Radius.", json_schema_extra=term("r", "m"))
 
 
 class TorusEntry(DiskEntry):
     """A torus: a tube about a circle, such as a tyre."""
 
-    radius: Formula = Field(description="Radius of the circle in the middle of the tube.")
-    tube: Formula = Field(description="Radius of the tube.")
+    radius: Constant = Field(
+        description="Radius of the circle in the middle of the tube.",
+        json_schema_extra=term("r of the middle circle", "m"),
+    )
+    tube: Constant = Field(
+        description="Radius of the tube.", json_schema_extra=term("radius of the tube", "m")
+    )
 
 
 class ShapeEntry(Entry):
     """One of the keys."""
 
-    disk: DiskEntry | None = Field(None, description="A thin disk.")
-    wheel: DiskEntry | None = Field(None, description="The same as a disk.")
-    knife_edge: DiskEntry | None = Field(
-        None, description="The same as a disk: a wheel with a sharp rim."
+    disk: DiskEntry | None = Field(
+        None, description="A thin disk.", json_schema_extra=term("the lowest point of a circle")
     )
-    sphere: SphereEntry | None = Field(None, description="A sphere.")
-    torus: TorusEntry | None = Field(None, description="A torus.")
+    wheel: DiskEntry | None = Field(
+        None, description="The same as a disk.", json_schema_extra=term("the same")
+    )
+    knife_edge: DiskEntry | None = Field(
+        None,
+        description="The same as a disk: a wheel with a sharp rim.",
+        json_schema_extra=term("the same"),
+    )
+    sphere: SphereEntry | None = Field(
+        None, description="A sphere.", json_schema_extra=term("the point r n below the centre")
+    )
+    torus: TorusEntry | None = Field(
+        None,
+        description="A torus.",
+        json_schema_extra=term("the lowest point of a tube about a circle"),
+    )
 
 
 class PlaneEntry(Entry):
     normal: Direction = Field(
-        description="Normal of the plane (in a planar model of the line), in the frame of `of`."
+        description="Normal of the plane (in a planar model of the line), in the frame of `of`.",
+        json_schema_extra=term("n", "1"),
     )
-    origin: Point | None = Field(None, description="A point of the plane, in the frame of `of`.")
-    of: Formula | None = Field(
-        None, description="The body the plane is fixed to; ground when left out."
+    origin: Constants | None = Field(
+        None,
+        description="A point of the plane, in the frame of `of`.",
+        json_schema_extra=term("a point of the plane", "m"),
+    )
+    of: Named | None = Field(
+        None,
+        description="The body the plane is fixed to.",
+        json_schema_extra=term("the frame of n", otherwise="ground"),
     )
 
 
@@ -64,20 +102,38 @@ class RollingEntry(Entry):
     """A disk, sphere or torus rolls without slip on a plane, a wheel on a line in a planar model;
     spheres and planar wheels on surfaces."""
 
-    type: Formula
-    body: Formula = Field(description="The body.")
-    at: Point | None = Field(
-        None, description="Centre of the shape, in the body's frame; its origin when left out."
+    type: Word = Field(
+        description="Kind of entry.",
+        json_schema_extra=term(
+            "φ of the height, and rows of A v = c: the velocity at the contact is zero"
+        ),
     )
-    shape: ShapeEntry = Field(description="What rolls.")
-    plane: PlaneEntry | None = Field(None, description="What it rolls on.")
+    body: Named = Field(description="The body.", json_schema_extra=term("the body that rolls"))
+    at: Constants | None = Field(
+        None,
+        description="Centre of the shape, in the body's frame.",
+        json_schema_extra=term("centre of the shape", "m", "its origin"),
+    )
+    shape: ShapeEntry = Field(
+        description="What rolls.", json_schema_extra=term("where the point of contact is")
+    )
+    plane: PlaneEntry | None = Field(
+        None, description="What it rolls on.", json_schema_extra=term("n and the height in φ")
+    )
     surface: Formula | None = Field(
         None,
         description="Or a formula of x, y, z in the frame of `of`, zero on the surface and "
         "positive on the body's side; for spheres, and wheels of planar models.",
+        json_schema_extra=term("n and the height, by the nearest point"),
     )
-    of: Formula | None = Field(None, description="The body of the surface; ground when left out.")
-    about: Formula | None = None
+    of: Named | None = Field(
+        None,
+        description="The body of the surface.",
+        json_schema_extra=term("the frame of x, y, z", otherwise="ground"),
+    )
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 SHAPES = {

@@ -6,8 +6,8 @@ from pydantic import Field
 
 from derive.model.actuators import per_acceleration, velocity_of
 from derive.model.document import Key, Scalar
-from derive.model.entries import Entry, Formula
 from derive.model.frames import Names
+from derive.model.keys import Constant, Entry, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import Armature
 from derive.model.loads.places import not_negative
@@ -18,12 +18,21 @@ from derive.model.records import Velocity
 class ArmatureEntry(Entry):
     """Inertia of a rotor as the joint feels it."""
 
-    type: Formula
-    joint: Formula | None = Field(None, description="A joint with one coordinate.")
-    coordinate: Formula | None = Field(None, description="A coordinate.")
-    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.w.")
-    inertia: Formula = Field(description="Inertia of the rotor times the square of the gear ratio.")
-    about: Formula | None = None
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("T = ½ J v²"))
+    joint: Named | None = Field(
+        None, description="A joint with one coordinate.", json_schema_extra=term("v")
+    )
+    coordinate: Named | None = Field(None, description="A coordinate.", json_schema_extra=term("v"))
+    velocity: Named | None = Field(
+        None, description="A generalized velocity, such as base.w.", json_schema_extra=term("v")
+    )
+    inertia: Constant = Field(
+        description="Inertia of the rotor times the square of the gear ratio.",
+        json_schema_extra=term("J", "kg | kg*m^2"),
+    )
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def armature(

@@ -6,11 +6,12 @@ from pydantic import Field
 
 from derive.expressions.tree import ZERO, Expression
 from derive.model.document import Items, Key, Scalar
-from derive.model.entries import Entry, Formula, FormulaOrList, Point, Sides
 from derive.model.frames import Names
+from derive.model.keys import ConstantOrList, Entry, NameList, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import Bushing
 from derive.model.mechanism import bodies
+from derive.model.place_entries import Sides
 from derive.model.placements import placements
 from derive.model.reader import Reader
 from derive.model.records import Vector3
@@ -21,24 +22,42 @@ class BushingEntry(Entry):
     """A soft weld: springs and dampers along and about the three axes of a frame placed on two
     bodies."""
 
-    type: Formula
-    between: Point = Field(description="Two bodies; the axes are the first one's.")
+    type: Word = Field(
+        description="Kind of entry.",
+        json_schema_extra=term("V = ½ Σ kᵢ dᵢ² + ½ Σ cᵢ θᵢ², and dampers"),
+    )
+    between: NameList = Field(
+        description="Two bodies; the axes are the first one's.",
+        json_schema_extra=term("the two frames"),
+    )
     at: Sides | None = Field(
-        None, description="Where the frame sits in each of the two; their origins when left out."
+        None,
+        description="Where the frame sits in each of the two.",
+        json_schema_extra=term("r and R of the frames", "m", "their origins"),
     )
-    stiffness: FormulaOrList | None = Field(
-        None, description="Force per displacement, one number or one for each axis."
+    stiffness: ConstantOrList | None = Field(
+        None,
+        description="Force per displacement, one number or one for each axis.",
+        json_schema_extra=term("kᵢ along the axes", "N/m"),
     )
-    torsion: FormulaOrList | None = Field(
-        None, description="Torque per small angle, one number or one for each axis."
+    torsion: ConstantOrList | None = Field(
+        None,
+        description="Torque per small angle, one number or one for each axis.",
+        json_schema_extra=term("cᵢ about the axes", "N*m/rad"),
     )
-    damping: FormulaOrList | None = Field(
-        None, description="Force per velocity, one number or one for each axis."
+    damping: ConstantOrList | None = Field(
+        None,
+        description="Force per velocity, one number or one for each axis.",
+        json_schema_extra=term("force per ḋᵢ", "N*s/m"),
     )
-    torsion_damping: FormulaOrList | None = Field(
-        None, description="Torque per rate, one number or one for each axis."
+    torsion_damping: ConstantOrList | None = Field(
+        None,
+        description="Torque per rate, one number or one for each axis.",
+        json_schema_extra=term("torque per θ̇ᵢ", "N*m*s/rad"),
     )
-    about: Formula | None = None
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 _COEFFICIENTS = (

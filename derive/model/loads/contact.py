@@ -16,8 +16,8 @@ from derive.model.constraints.rolling import (
     shape_of,
 )
 from derive.model.document import Key, Scalar
-from derive.model.entries import Entry, Formula, Point
 from derive.model.frames import Names
+from derive.model.keys import Constant, Constants, Entry, Formula, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import Contact
 from derive.model.loads.places import not_negative
@@ -28,47 +28,93 @@ from derive.model.reader import Reader
 class CurveEntry(Entry):
     """Force per pressure over slip: linear, or D sin(C atan(B x - E (B x - atan(B x))))."""
 
-    linear: Formula | None = Field(None, description="Slope: force per pressure and slip.")
-    pacejka: Point | None = Field(None, description="[B, C, D, E] of the magic formula.")
+    linear: Constant | None = Field(
+        None,
+        description="Slope: force per pressure and slip.",
+        json_schema_extra=term("B in B s", "1"),
+    )
+    pacejka: Constants | None = Field(
+        None,
+        description="[B, C, D, E] of the magic formula.",
+        json_schema_extra=term("D sin(C atan(B s − E (B s − atan(B s))))", "1"),
+    )
 
 
 class TyreEntry(Entry):
     """A tyre: forces by slip, longitudinal and lateral apart from each other."""
 
     longitudinal: CurveEntry | None = Field(
-        None, description="Over the slip (r w - v)/|v|; none when left out."
+        None,
+        description="Over the slip (r w - v)/|v|.",
+        json_schema_extra=term("force per N over s = (r ω − v)/|v|", otherwise="none"),
     )
-    lateral: CurveEntry | None = Field(None, description="Over the slip angle; none when left out.")
+    lateral: CurveEntry | None = Field(
+        None,
+        description="Over the slip angle.",
+        json_schema_extra=term("force per N over the slip angle", otherwise="none"),
+    )
 
 
 class ContactEntry(Entry):
     """A point, sphere or wheel presses on a plane or surface: Hunt-Crossley, smooth friction."""
 
-    type: Formula
-    body: Formula = Field(description="The body.")
-    at: Point | None = Field(
-        None, description="The point, or the shape's centre, in the body's frame; its origin."
+    type: Word = Field(
+        description="Kind of entry.", json_schema_extra=term("N = k δ max(0, 1 + d δ̇), V = ½ k δ²")
     )
-    shape: ShapeEntry | None = Field(None, description="What touches; a point when left out.")
-    plane: PlaneEntry | None = Field(None, description="What it touches: the side of the normal.")
+    body: Named = Field(description="The body.", json_schema_extra=term("the body pressed"))
+    at: Constants | None = Field(
+        None,
+        description="The point, or the shape's centre, in the body's frame.",
+        json_schema_extra=term("r of the centre", "m", "its origin"),
+    )
+    shape: ShapeEntry | None = Field(
+        None,
+        description="What touches.",
+        json_schema_extra=term("where the point of contact is", otherwise="a point"),
+    )
+    plane: PlaneEntry | None = Field(
+        None,
+        description="What it touches: the side of the normal.",
+        json_schema_extra=term("δ = r − n·p"),
+    )
     surface: Formula | None = Field(
         None,
         description="Or a formula of x, y, z in the frame of `of`, positive outside; its value "
         "over its slope counts as the height.",
+        json_schema_extra=term("δ = r − f/|∇f|"),
     )
-    of: Formula | None = Field(None, description="The body of the surface; ground when left out.")
-    stiffness: Formula = Field(description="Pressure per depth.")
-    damping: Formula | None = Field(
-        None, description="d of pressure = stiffness*depth*max(0, 1 + d*rate of the depth)."
+    of: Named | None = Field(
+        None,
+        description="The body of the surface.",
+        json_schema_extra=term("the frame of x, y, z", otherwise="ground"),
     )
-    friction: Formula | None = Field(None, description="Coefficient of friction.")
-    tyre: TyreEntry | None = Field(None, description="Slip of a tyre, instead of friction.")
-    smoothing: Formula | None = Field(
+    stiffness: Constant = Field(
+        description="Pressure per depth.", json_schema_extra=term("k", "N/m")
+    )
+    damping: Constant | None = Field(
+        None,
+        description="d of pressure = stiffness*depth*max(0, 1 + d*rate of the depth).",
+        json_schema_extra=term("d", "s/m", "0"),
+    )
+    friction: Constant | None = Field(
+        None,
+        description="Coefficient of friction.",
+        json_schema_extra=term("μ in −μ N v/√(v² + ε²)", "1", "0"),
+    )
+    tyre: TyreEntry | None = Field(
+        None,
+        description="Slip of a tyre, instead of friction.",
+        json_schema_extra=term("forces per N over slips"),
+    )
+    smoothing: Constant | None = Field(
         None,
         description="Speed of slip at which friction is 1/sqrt(2) of what it is at last; of a tyre "
         "the speed below which slip is not divided by less.",
+        json_schema_extra=term("ε", "m/s"),
     )
-    about: Formula | None = None
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def contact(

@@ -7,8 +7,8 @@ from pydantic import Field
 from derive.expressions.tree import ZERO
 from derive.model.actuators import velocity_of
 from derive.model.document import Key, Scalar
-from derive.model.entries import Entry, Formula, Pair, Point
 from derive.model.frames import Names
+from derive.model.keys import Entry, Formula, Named, NameList, Pair, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import JointDamper, PointSpring
 from derive.model.loads.places import per, refuse_keys, two_points
@@ -21,14 +21,29 @@ class DamperEntry(Entry):
     """At a joint, a coordinate or a generalized velocity, or between two points: -coefficient times
     the velocity."""
 
-    type: Formula
-    joint: Formula | None = Field(None, description="A joint with one coordinate.")
-    coordinate: Formula | None = Field(None, description="A coordinate.")
-    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.w.")
-    between: Point | None = Field(None, description="Two bodies.")
-    at: Pair | None = Field(None, description="A point of each.")
-    coefficient: Formula = Field(description="Force or torque per velocity.")
-    about: Formula | None = None
+    type: Word = Field(
+        description="Kind of entry.", json_schema_extra=term("Q = −d v, or −d ℓ̇ along a line")
+    )
+    joint: Named | None = Field(
+        None, description="A joint with one coordinate.", json_schema_extra=term("v")
+    )
+    coordinate: Named | None = Field(None, description="A coordinate.", json_schema_extra=term("v"))
+    velocity: Named | None = Field(
+        None, description="A generalized velocity, such as base.w.", json_schema_extra=term("v")
+    )
+    between: NameList | None = Field(
+        None, description="Two bodies.", json_schema_extra=term("bodies of the line")
+    )
+    at: Pair | None = Field(
+        None, description="A point of each.", json_schema_extra=term("ends of the line", "m")
+    )
+    coefficient: Formula = Field(
+        description="Force or torque per velocity.",
+        json_schema_extra=term("d", "N*s/m | N*m*s/rad"),
+    )
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def damper(

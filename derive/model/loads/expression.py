@@ -9,8 +9,8 @@ from pydantic import Field
 from derive.expressions.tree import Expression
 from derive.model.actuators import velocity_of
 from derive.model.document import Key, Scalar
-from derive.model.entries import Entry, Formula
 from derive.model.frames import Names
+from derive.model.keys import Entry, Formula, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import GeneralisedForce
 from derive.model.reader import Reader, force_unit
@@ -21,12 +21,24 @@ from derive.model.scope import NONIDEAL
 class ExpressionEntry(Entry):
     """A formula added to the force of one joint, coordinate or generalized velocity."""
 
-    type: Formula
-    joint: Formula | None = Field(None, description="A joint with one coordinate.")
-    coordinate: Formula | None = Field(None, description="A coordinate.")
-    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.vx.")
-    expression: Formula = Field(description="The force or torque.")
-    about: Formula | None = None
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("an entry of Q"))
+    joint: Named | None = Field(
+        None, description="A joint with one coordinate.", json_schema_extra=term("which entry of Q")
+    )
+    coordinate: Named | None = Field(
+        None, description="A coordinate.", json_schema_extra=term("which entry of Q")
+    )
+    velocity: Named | None = Field(
+        None,
+        description="A generalized velocity, such as base.vx.",
+        json_schema_extra=term("which entry of Q"),
+    )
+    expression: Formula = Field(
+        description="The force or torque.", json_schema_extra=term("the entry of Q", "N | N*m")
+    )
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 @dataclass(frozen=True)

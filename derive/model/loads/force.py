@@ -5,8 +5,8 @@ from __future__ import annotations
 from pydantic import Field
 
 from derive.model.document import Key
-from derive.model.entries import Entry, Formula, Point
 from derive.model.frames import Names
+from derive.model.keys import Constants, Entry, Formulas, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import Force
 from derive.model.loads.places import frame
@@ -18,18 +18,25 @@ from derive.model.scope import NONIDEAL
 class ForceEntry(Entry):
     """A force on a point of a body."""
 
-    type: Formula
-    body: Formula = Field(description="The body.")
-    at: Point | None = Field(
-        None, description="The point, in the body's frame; its origin when left out."
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("Q = Jᵀ F"))
+    body: Named = Field(description="The body.", json_schema_extra=term("the body of J"))
+    at: Constants | None = Field(
+        None,
+        description="The point, in the body's frame.",
+        json_schema_extra=term("the point of J", "m", "its origin"),
     )
-    components: Point = Field(
-        description="The force's components; formulas of inputs, coordinates, velocities and t."
+    components: Formulas = Field(
+        description="The force's components; formulas of inputs, coordinates, velocities and t.",
+        json_schema_extra=term("F", "N"),
     )
-    frame: Formula | None = Field(
-        None, description="Frame of the components: ground (when left out) or body."
+    frame: Word | None = Field(
+        None,
+        description="Frame of the components: ground or body.",
+        json_schema_extra=term("axes of F", otherwise="ground"),
     )
-    about: Formula | None = None
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def force(reader: Reader, document: Bodies, names: Names, key: Key, entry: ForceEntry) -> Force:

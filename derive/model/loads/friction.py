@@ -7,8 +7,9 @@ from pydantic import Field
 from derive.expressions.tree import ONE, Expression
 from derive.model.actuators import velocity_of
 from derive.model.document import Key
-from derive.model.entries import Formula, LawOfFriction
+from derive.model.entries import LawOfFriction
 from derive.model.frames import Names
+from derive.model.keys import Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import JointFriction
 from derive.model.loads.places import not_negative, per
@@ -20,11 +21,19 @@ from derive.model.scope import NONIDEAL
 class FrictionEntry(LawOfFriction):
     """Viscous and dry friction at a joint: -viscous v - coulomb tanh(v/smoothing)."""
 
-    type: Formula
-    joint: Formula | None = Field(None, description="A joint with one coordinate.")
-    coordinate: Formula | None = Field(None, description="A coordinate.")
-    velocity: Formula | None = Field(None, description="A generalized velocity, such as base.w.")
-    about: Formula | None = None
+    type: Word = Field(
+        description="Kind of entry.", json_schema_extra=term("Q = −d v − C tanh(v/s)")
+    )
+    joint: Named | None = Field(
+        None, description="A joint with one coordinate.", json_schema_extra=term("v")
+    )
+    coordinate: Named | None = Field(None, description="A coordinate.", json_schema_extra=term("v"))
+    velocity: Named | None = Field(
+        None, description="A generalized velocity, such as base.w.", json_schema_extra=term("v")
+    )
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def friction(

@@ -6,8 +6,9 @@ from pydantic import Field
 
 from derive.model.actuators import velocity_of
 from derive.model.document import Key
-from derive.model.entries import Entry, Formula, JointSpringEntry, Pair, Point
+from derive.model.entries import JointSpringEntry
 from derive.model.frames import Names
+from derive.model.keys import Constant, Entry, Named, NameList, Pair, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import JointSpring, PointSpring
 from derive.model.loads.places import optional, per, refuse_keys, two_points
@@ -18,22 +19,40 @@ from derive.model.records import Coordinate
 class SpringEntry(Entry):
     """At a joint or a coordinate: -stiffness (q - rest). Between two points: along their line."""
 
-    type: Formula
-    joint: Formula | None = Field(None, description="A joint with one coordinate.")
-    coordinate: Formula | None = Field(None, description="A coordinate.")
-    rest: Formula | None = Field(
-        None, description="Where the joint's spring is slack; 0 when left out."
+    type: Word = Field(
+        description="Kind of entry.", json_schema_extra=term("V = ½ k (q − q₀)², or ½ k (ℓ − ℓ₀)²")
     )
-    between: Point | None = Field(None, description="Two bodies.")
-    at: Pair | None = Field(None, description="A point of each.")
-    stiffness: Formula = Field(description="Stiffness.")
-    length: Formula | None = Field(
-        None, description="Where the spring between points is slack; 0 when left out."
+    joint: Named | None = Field(
+        None, description="A joint with one coordinate.", json_schema_extra=term("q")
     )
-    damping: Formula | None = Field(
-        None, description="Force per velocity of stretching, for a spring between points."
+    coordinate: Named | None = Field(None, description="A coordinate.", json_schema_extra=term("q"))
+    rest: Constant | None = Field(
+        None,
+        description="Where the joint's spring is slack.",
+        json_schema_extra=term("q₀", "m | rad", "0"),
     )
-    about: Formula | None = None
+    between: NameList | None = Field(
+        None, description="Two bodies.", json_schema_extra=term("bodies of the line")
+    )
+    at: Pair | None = Field(
+        None, description="A point of each.", json_schema_extra=term("ends of the line", "m")
+    )
+    stiffness: Constant = Field(
+        description="Stiffness.", json_schema_extra=term("k", "N/m | N*m/rad")
+    )
+    length: Constant | None = Field(
+        None,
+        description="Where the spring between points is slack.",
+        json_schema_extra=term("ℓ₀", "m", "0"),
+    )
+    damping: Constant | None = Field(
+        None,
+        description="Force per velocity of stretching, for a spring between points.",
+        json_schema_extra=term("d in −d ℓ̇ along the line", "N*s/m"),
+    )
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def spring(

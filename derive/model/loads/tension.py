@@ -6,8 +6,8 @@ from pydantic import Field
 
 from derive.expressions.tree import ZERO
 from derive.model.document import Key
-from derive.model.entries import Entry, Formula, Pair, Point
 from derive.model.frames import Names
+from derive.model.keys import Entry, Formula, Named, NameList, Pair, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import Tension
 from derive.model.loads.places import two_points
@@ -19,14 +19,23 @@ from derive.model.scope import NONIDEAL
 class TensionEntry(Entry):
     """A pull along a path, or the line between two points, by formula: rope, muscle, cylinder."""
 
-    type: Formula
-    path: Formula | None = Field(None, description="A path of `paths:`.")
-    between: Point | None = Field(None, description="Two bodies, instead of a path.")
-    at: Pair | None = Field(None, description="A point of each.")
-    tension: Formula = Field(
-        description="The pull: formulas of length(NAME), der(length(NAME)), inputs, …"
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("Q = −F ∂ℓ̇/∂v"))
+    path: Named | None = Field(None, description="A path of `paths:`.", json_schema_extra=term("ℓ"))
+    between: NameList | None = Field(
+        None,
+        description="Two bodies, instead of a path.",
+        json_schema_extra=term("bodies of a straight ℓ"),
     )
-    about: Formula | None = None
+    at: Pair | None = Field(
+        None, description="A point of each.", json_schema_extra=term("ends of a straight ℓ", "m")
+    )
+    tension: Formula = Field(
+        description="The pull: formulas of length(NAME), der(length(NAME)), inputs, …",
+        json_schema_extra=term("F, positive where it pulls", "N"),
+    )
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def tension(

@@ -6,8 +6,8 @@ from pydantic import Field
 
 from derive.expressions.tree import ZERO, Expression, Negative
 from derive.model.document import Items, Key, Scalar
-from derive.model.entries import Entry, Formula, FormulaOrList
 from derive.model.frames import Names
+from derive.model.keys import Entry, FormulaOrList, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import Torque
 from derive.model.loads.places import frame
@@ -20,15 +20,20 @@ from derive.model.scope import NONIDEAL
 class TorqueEntry(Entry):
     """A torque on a body."""
 
-    type: Formula
-    body: Formula = Field(description="The body.")
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("Q = Jωᵀ M"))
+    body: Named = Field(description="The body.", json_schema_extra=term("the body of Jω"))
     components: FormulaOrList = Field(
-        description="The torque: one formula in a planar model, three in space."
+        description="The torque: one formula in a planar model, three in space.",
+        json_schema_extra=term("M", "N*m"),
     )
-    frame: Formula | None = Field(
-        None, description="Frame of the components: ground (when left out) or body."
+    frame: Word | None = Field(
+        None,
+        description="Frame of the components: ground or body.",
+        json_schema_extra=term("axes of M", otherwise="ground"),
     )
-    about: Formula | None = None
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def torque(reader: Reader, document: Bodies, names: Names, key: Key, entry: TorqueEntry) -> Torque:

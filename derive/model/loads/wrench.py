@@ -6,8 +6,8 @@ from pydantic import Field
 
 from derive.diagnostics import did_you_mean, listed
 from derive.model.document import Key, Scalar
-from derive.model.entries import Entry, Formula, FormulaOrList, Point
 from derive.model.frames import Names
+from derive.model.keys import Entry, FormulaOrList, Formulas, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import Wrench
 from derive.model.loads.torque import torque_components
@@ -21,18 +21,29 @@ AXES = ("ground", "frame")
 class WrenchEntry(Entry):
     """A force and a moment at a named frame."""
 
-    type: Formula
-    frame: Formula = Field(description="A frame of `frames:`, a body or a joint.")
-    force: Point | None = Field(
-        None, description="The force at the frame's origin; formulas of inputs, coordinates, …"
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("Q = Jᵀ F + Jωᵀ M"))
+    frame: Named = Field(
+        description="A frame of `frames:`, a body or a joint.",
+        json_schema_extra=term("the frame of J"),
+    )
+    force: Formulas | None = Field(
+        None,
+        description="The force at the frame's origin; formulas of inputs, coordinates, …",
+        json_schema_extra=term("F", "N"),
     )
     moment: FormulaOrList | None = Field(
-        None, description="The moment: one formula in a planar model, three in space."
+        None,
+        description="The moment: one formula in a planar model, three in space.",
+        json_schema_extra=term("M", "N*m"),
     )
-    axes: Formula | None = Field(
-        None, description="Axes of the components: ground (when left out) or frame."
+    axes: Word | None = Field(
+        None,
+        description="Axes of the components: ground or frame.",
+        json_schema_extra=term("axes of F and M", otherwise="ground"),
     )
-    about: Formula | None = None
+    about: Text | None = Field(
+        None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
+    )
 
 
 def wrench(reader: Reader, document: Bodies, names: Names, key: Key, entry: WrenchEntry) -> Wrench:

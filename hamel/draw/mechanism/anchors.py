@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from hamel.draw.mechanism.records import Spot, Vector, spot
 
+LOOSE = ("planar", "point", "free")  # joints that hold a body at no point
+
 
 @dataclass(frozen=True)
 class Anchor:

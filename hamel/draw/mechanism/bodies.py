@@ -14,7 +14,7 @@ import numpy as np
 
 from derive.model.constraint_records import NoSlip, Rolling
 from derive.model.records import Body
-from hamel.draw.mechanism.anchors import Anchor
+from hamel.draw.mechanism.anchors import LOOSE, Anchor
 from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
 from hamel.draw.mechanism.scene import NEAR, Scene
 from hamel.draw.mechanism.solids import box, cylinder, ring
@@ -23,7 +23,6 @@ from hamel.draw.mechanism.vectors import across, cross
 SLENDER = 0.15  # of the largest moment of inertia: the smallest one of a rod
 MOST_MASSES = 12  # centres of mass are marked where bodies are few
 LEAST, MOST = 12.0, 46.0  # pixels: radius of a body that nothing tells the size of
-LOOSE = ("planar", "free")
 BESIDE = 9.0  # pixels between a centre of mass and a joint that would hide it
 
 

@@ -13,6 +13,7 @@ from derive.diagnostics import HamelError
 from derive.mechanics.records import System
 from derive.model.constraint_records import Rolling
 from hamel.draw.mechanism import notes as write
+from hamel.draw.mechanism.anchors import LOOSE
 from hamel.draw.mechanism.bodies import body_shapes, gyration, masses
 from hamel.draw.mechanism.forces import inputs
 from hamel.draw.mechanism.joints import bearings, joint_shapes
@@ -134,7 +135,7 @@ def _extremes(space: Scene) -> list[np.ndarray]:
             radius = abs(space.numbers.scalar(x.radius)) + abs(space.numbers.scalar(x.tube))
             points += [at + s * radius * axis for s in (-1, 1) for axis in np.eye(3)]
     for anchor in space.anchors:
-        if anchor.type in ("planar", "free"):
+        if anchor.type in LOOSE:
             points.append(space.place(anchor.spot(0)))
     return points
 
@@ -210,7 +211,7 @@ def _corners(space: Scene, around: Sequence[Mark]) -> list[Note]:
     """The ground's frame and gravity: at the origin where coordinates start there, else in a corner
     that is free."""
     result = []
-    origin = next((a for a in space.anchors if a.type in ("planar", "free")), None)
+    origin = next((a for a in space.anchors if a.type in LOOSE), None)
     if origin is not None or space.loose:
         at = write.paper(space, origin.spot(0) if origin else spot(GROUND, np.zeros(3)))
         result.append(write.triad(space, at, np.eye(3), write.AXIS, "ground"))

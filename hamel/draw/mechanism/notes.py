@@ -14,7 +14,7 @@ import numpy as np
 
 from derive.model.records import NamedFrame
 from derive.textbook import names
-from hamel.draw.mechanism.anchors import Anchor
+from hamel.draw.mechanism.anchors import LOOSE, Anchor
 from hamel.draw.mechanism.marks import arrow
 from hamel.draw.mechanism.points import plane_of
 from hamel.draw.mechanism.records import Label, Mark, Point, Spot, Vector, spot
@@ -61,6 +61,8 @@ def coordinates(scene: Scene, wanted: Sequence[str]) -> list[Note]:
                 notes.append(_slide(scene, anchor))
             case "planar":
                 notes += _platform(scene, anchor)
+            case "point":
+                notes += _shifts(scene, anchor)
             case "free":
                 notes += _free(scene, anchor)
             case "universal":
@@ -243,14 +245,9 @@ def dimension(first: Point, last: Point, latex: str, beside: float) -> Note:
 
 def _platform(scene: Scene, anchor: Anchor) -> list[Note]:
     """x and y of a body in the plane, and its angle."""
-    x, y, angle = anchor.coordinates
-    parent = scene.pose(anchor.bodies[0])
-    frame = parent.rotation @ anchor.frames[0]
-    origin = scene.place(anchor.spot(0))
-    end = scene.place(anchor.spot(1))
-    axes = _plane_axes(scene, frame)
-    values = [float((end - origin) @ axis) for axis in axes]
-    notes = _offsets(scene, end, axes, values, (x, y))
+    angle = anchor.coordinates[2]
+    axes, end = _plane_axes(scene, anchor), scene.place(anchor.spot(1))
+    notes = _shifts(scene, anchor)
     if scene.view.flat:
         notes.append(_tilt(scene, anchor, axes[0], angle))
     else:
@@ -259,9 +256,18 @@ def _platform(scene: Scene, anchor: Anchor) -> list[Note]:
     return notes
 
 
-def _plane_axes(scene: Scene, frame: Vector) -> list[Vector]:
+def _shifts(scene: Scene, anchor: Anchor) -> list[Note]:
+    """x and y of a body in the plane."""
+    axes, end = _plane_axes(scene, anchor), scene.place(anchor.spot(1))
+    way = end - scene.place(anchor.spot(0))
+    values = [float(way @ axis) for axis in axes]
+    return _offsets(scene, end, axes, values, anchor.coordinates[:2])
+
+
+def _plane_axes(scene: Scene, anchor: Anchor) -> list[Vector]:
     if scene.view.flat:
         return [scene.view.right, scene.view.up]
+    frame = scene.pose(anchor.bodies[0]).rotation @ anchor.frames[0]
     return [frame[:, 0], frame[:, 1]]
 
 
@@ -410,7 +416,7 @@ def joint_names(scene: Scene, wanted: Sequence[str]) -> list[Label]:
     labels = []
     away = 8.0 if scene.view.flat else 11.0
     for anchor in scene.anchors:
-        if anchor.name in wanted and anchor.type not in ("planar", "free"):
+        if anchor.name in wanted and anchor.type not in LOOSE:
             at = paper(scene, anchor.spot(1))
             labels.append(
                 Label(

@@ -18,7 +18,7 @@ from derive.model.constraint_records import Distance, NoSlip, OnSurface, Rolling
 from derive.model.load_records import Bushing, Contact, Force, PointSpring, Tension
 from derive.model.records import GROUND as GROUND_NAME
 from derive.model.records import Closure, Joint, Model, Placement
-from hamel.draw.mechanism.anchors import Anchor
+from hamel.draw.mechanism.anchors import LOOSE, Anchor
 from hamel.draw.mechanism.points import Bonds, Dial, Loose, bonds, dials, loose_points
 from hamel.draw.mechanism.poses import Bodies
 from hamel.draw.mechanism.records import GROUND, Pose, Spot, Vector, spot
@@ -204,7 +204,7 @@ def _held(
     held: list[list[Vector]] = [[] for _ in range(len(names) + 1)]
     for anchor in anchors:
         for side, body in enumerate(anchor.bodies):
-            if anchor.type not in ("planar", "free"):
+            if anchor.type not in LOOSE:
                 held[body + 1].append(anchor.at(side))
     known = {GROUND_NAME: 0} | {name: k for k, name in enumerate(names, 1)}
     for x in (*model.constraints, *model.loads):

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hamel.draw.mechanism.anchors import Anchor
+from hamel.draw.mechanism.anchors import LOOSE, Anchor
 from hamel.draw.mechanism.records import GROUND, Pose, Vector
 
 ASIDE = 0.12  # of the size: how far both bodies must be on one side
@@ -35,7 +35,7 @@ def _points(anchors: Sequence[Anchor], coms: Sequence[Vector]) -> dict[int, list
     """What there is of each body, in its frame."""
     points: dict[int, list[Vector]] = {k: [com] for k, com in enumerate(coms)}
     for anchor in anchors:
-        if anchor.type not in ("planar", "free"):
+        if anchor.type not in LOOSE:
             for body, at in zip(anchor.bodies, anchor.points):
                 points.setdefault(body, []).append(at)
     return points

@@ -111,6 +111,13 @@ def planar(q: Array, v: Array, axis: Array) -> Motion:
     return Motion(turn(axis, q[2]), q[:2] @ plane, H, N, v[2] * np.array([-rate[1], rate[0], 0.0]))
 
 
+def point(q: Array, v: Array, axis: Array) -> Motion:
+    """Shifts along e1 and e2 = axis × e1, no turn: what a planar joint does while it keeps its
+    angle at zero."""
+    still = planar(np.append(q, 0.0), np.append(v, 0.0), axis)
+    return Motion(np.eye(3), still.translation, still.H[:, :2], np.eye(2), np.zeros(2))
+
+
 def free(orientation: str) -> Callable[[Array, Array, Array], Motion]:
     """Six degrees of freedom, linear then angular velocity in the body frame, orientation by
     quaternion or Euler angles."""
@@ -151,7 +158,7 @@ def _euler(sequence: str, angles: Array, omega: Array) -> tuple[Array, Array, Ar
 
 _TABLE = {
     "revolute": revolute, "prismatic": prismatic, "planar": planar, "fixed": fixed,
-    "cylindrical": cylindrical, "ball": ball,
+    "point": point, "cylindrical": cylindrical, "ball": ball,
 }  # fmt: skip
 
 

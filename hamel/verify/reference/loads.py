@@ -15,6 +15,7 @@ from derive.model.load_records import (
     Armature,
     Bushing,
     Contact,
+    Exhaust,
     Force,
     GeneralisedForce,
     JointDamper,
@@ -28,6 +29,7 @@ from derive.model.load_records import (
 from derive.model.named_frames import frame_named
 from derive.model.records import GROUND, Body, Load, Model
 from hamel.verify.reference.contact import pressing
+from hamel.verify.reference.exhaust import lost
 from hamel.verify.reference.jets import Jet, dot, joint_frame, product
 from hamel.verify.reference.layout import Layout
 from hamel.verify.reference.paths import pull
@@ -200,6 +202,11 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
         case Force():
             arm = state.frames[load.body].point(state.vector(load.point))
             return _on_body(place, load.body, _wrench(arm, _components(load, state)))
+        case Exhaust():
+            frame, left = state.frames[load.body], lost(model, load.body, state)
+            jet = frame.rotation @ state.vector(load.velocity)
+            arm = frame.point(state.vector(load.point))
+            return _on_body(place, load.body, _wrench(arm, state.value(left.mass) * jet))
         case Torque():
             return _on_body(
                 place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
@@ -323,6 +330,19 @@ def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:
                 sign * state.value(spring.damping) * rate * _wrench(arm, unit)
             )
     return _only(place, float(0.5 * stiffness * stretch**2), springs=pull, other=drag)
+
+
+def shrinking(model: Model, place: Layout, state: State) -> float:
+    """∂(T + V)/∂t of bodies that lose mass, at held q and v (W)."""
+    result = 0.0
+    gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
+    for load in model.loads:
+        if isinstance(load, Exhaust):
+            body, frame = lost(model, load.body, state), state.frames[load.body]
+            twist = np.concatenate([frame.omega, frame.velocity])
+            result += 0.5 * twist @ (body_inertia(body, state)[0] @ twist)
+            result += _weight(gravity, body, place, state).V
+    return float(result)
 
 
 def body_inertia(body: Body, state: State) -> tuple[Array, Array]:

@@ -134,21 +134,8 @@ def state(
     for rows, columns, entries in blocks:
         rates[rows] += entries @ v[columns]
     named_rates = {c.name: rate for c, rate in zip(model.coordinates, rates.tolist())}
-    full = State(
-        t,
-        q,
-        v,
-        u,
-        p,
-        tuple(blocks),
-        drift,
-        rates,
-        frames,
-        tuple(seats),
-        names,
-        named_rates,
-        functions,
-    )
+    places = frames, tuple(seats)
+    full = State(t, q, v, u, p, tuple(blocks), drift, rates, *places, names, named_rates, functions)
     names |= measured(full)
     for name, expression in model.definitions:
         names[name] = full.value(expression)

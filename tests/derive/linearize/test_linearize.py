@@ -2,7 +2,7 @@
 zeros.
 
 Of derive.linearize: cyclic, limits, records.
-Of hamel.linear: figure, page, plots, ranges, sweep, words.
+Of hamel.linear: figure, limits, page, plots, ranges, sweep, words.
 """
 
 import re
@@ -34,6 +34,48 @@ from tests.scenes import MODELS
 def studied(name: str, at: str | None = None, choice: str | None = None, **values: float):
     found = equations(system(load(MODELS / f"{name}.yaml")), choice)
     return study(found, motion_of(found, at), values)
+
+
+SLED = """
+model: sled
+plane: xy
+parameters: {k: 2 N*m*s/rad}
+bodies: {b: {mass: 1 kg, com: [0.2, 0], inertia: 2}, c: {mass: 1 kg, com: [0.3, 0], inertia: 0.1}}
+joints:
+  r: {type: planar, parent: ground, child: b, coordinates: [x, y, a]}
+  s: {type: revolute, parent: b, child: c, coordinate: p, spring: {stiffness: 3}, damper: 0.1}
+constraints: {skate: {type: no_slip, body: b, at: [0.1, 0], direction: y}}
+loads: {drag: {type: damper, velocity: r.w, coefficient: k}}
+quasi_velocities:
+  body: {speed: r.vx, spin: 2*r.w, rel: der(p)}
+  other: {speed: 3*r.vx, spin: 2*r.w, rel: der(p)}
+inputs: {push: {velocity: r.vx}, twist: {velocity: r.w}}
+steady_motion:
+  curve: {HELD, push: free, twist: free, sweep: {V: [1 m/s, 3 m/s], W: [0.1 rad/s, 1 rad/s]}}
+initial: {x: 0 m}
+"""
+
+
+def test_declared_quasi_velocities_are_held_as_what_they_stand_for() -> None:
+    """Their formulas written out give the same motion and the same matrices."""
+    short = SLED.replace("HELD", "body.speed: V, spin: 2*W, rel: 0, guess: {other.speed: 3 m/s}")
+    long = SLED.replace("HELD", "r.vx: V, r.w: W, der(p): 0, guess: {der(x): 1 m/s}")
+    at = {"V": 2.0, "W": 0.3}
+    along = {"V": np.array([1.5, 2.5])}
+    found, wanted = (
+        study(x, motion_of(x, None), at)
+        for x in (equations(system(load_text(t))) for t in (short, long))
+    )
+    got, hand = found.along(along), wanted.along(along)
+    assert np.any(np.abs(hand) > 0.1)
+    assert np.allclose(got, hand, rtol=1e-11, atol=1e-11)
+
+
+def test_a_quasi_velocity_of_several_choices_needs_its_choice() -> None:
+    text = SLED.replace("HELD", "speed: V, spin: 2*W, rel: 0")
+    with pytest.raises(ModelError, match="'speed' is a quasi-velocity of several choices") as error:
+        load_text(text)
+    assert "body.speed" in str(error.value) and "other.speed" in str(error.value)
 
 
 def changes(found, name: str, values: np.ndarray):

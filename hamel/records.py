@@ -4,14 +4,13 @@ standard library and what errors are, but for the libraries that a method is nam
 from __future__ import annotations
 
 import html
-import importlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from derive.diagnostics import ToolchainError
+from hamel.optional import library
 
 if TYPE_CHECKING:
     from codegen.runtime.simulation import Simulation
@@ -179,6 +178,19 @@ class Derived:
     html: Path
     tex: Path
     pdf: Path | None = None
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A book. `chapters` are the models in its order, `refused` those without a chapter and why,
+    `pdf` is None where no browser could print it."""
+
+    folder: Path
+    contents: Path
+    chapters: tuple[str, ...]
+    refused: Mapping[str, str]
+    pages: int  # HTML files
+    pdf: Path | None
 
 
 @dataclass(frozen=True)
@@ -413,7 +425,7 @@ class Simulated:
     def to_pandas(self) -> Any:
         """The motion as a DataFrame over t, the units in `attrs`. Raises ToolchainError without
         pandas."""
-        pandas = _library("to_pandas()", "pandas")
+        pandas = library("pandas", "to_pandas()", "data")
         columns = dict(self.motion)
         frame = pandas.DataFrame(columns, index=pandas.Index(columns.pop("t"), name="t"))
         frame = frame[list(columns)]
@@ -423,7 +435,7 @@ class Simulated:
     def to_xarray(self) -> Any:
         """The motion as a Dataset over t, each variable with its unit. Raises ToolchainError
         without xarray."""
-        xarray = _library("to_xarray()", "xarray")
+        xarray = library("xarray", "to_xarray()", "data")
         columns = dict(self.motion)
         t = ("t", columns.pop("t"), {"units": "s"})
         variables = {
@@ -442,21 +454,6 @@ class Simulated:
         steps = f"{self.steps} steps, energy balance {self.energy_balance:.2g}"
         figure = self.figure() if self.figure else ""
         return f"<div><p>{html.escape(about)}; {html.escape(steps)}</p>{figure}</div>"
-
-
-def _library(what: str, name: str) -> Any:
-    """An optional library. Raises ToolchainError where it is missing."""
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise wanting(what, name) from None
-
-
-def wanting(what: str, name: str) -> ToolchainError:
-    """The message about an optional library that is not installed."""
-    return ToolchainError(
-        f"{what} needs {name}, which is not installed", "pip install 'hamel[data]'"
-    )
 
 
 @dataclass(frozen=True)

@@ -114,6 +114,15 @@ def derivatives(tree: Path, inputs: np.ndarray, size: int, read: Read) -> Conten
     return Contender("Pinocchio C++", library, inputs, size, str(tree.resolve()), read)
 
 
+def frames(argument: str, inputs: np.ndarray, size: int) -> Contender:
+    """Pose and Jacobian of a frame by `computeFrameJacobian`."""
+    _check_headers()
+    library = compiled(
+        "pinocchio_frames", {HERE / "pinocchio_frames.cpp": ["-O3", *NATIVE, *FLAGS]}
+    )
+    return Contender("Pinocchio C++", library, inputs, size, argument)
+
+
 def loops_library() -> Path:
     """Those for closed loops."""
     _check_headers()
@@ -127,6 +136,20 @@ def maker() -> Path:
     return compiled(
         "pinocchio_casadi", {HERE / "pinocchio_casadi.cpp": ["-O1", *FLAGS]}, link, shared=False
     )
+
+
+def slopes(tree: Path) -> list[Path]:
+    """C that CasADi makes of `aba` on casadi::SX and its Jacobians, for both conventions."""
+    _check_headers()
+    link = [f"-L{SITE}/casadi", "-lcasadi", f"-Wl,-rpath,{SITE}/casadi"]
+    # it only writes: half the time to compile
+    by = compiled(
+        "pinocchio_slopes", {HERE / "pinocchio_slopes.cpp": ["-O0", *FLAGS]}, link, shared=False
+    )
+    folder = BUILD / "models" / f"{tree.stem}-slopes"
+    folder.mkdir(exist_ok=True)
+    run([str(by), str(tree.resolve())], folder=folder)
+    return [folder / f"{name}.c" for name in ("slopes", "slopes_world")]
 
 
 def own(tree: Path, function: str, inputs: np.ndarray, size: int, read: Read) -> Contender:

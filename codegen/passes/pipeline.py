@@ -178,7 +178,7 @@ class _Turning:
             and name in (*CALLED, "velocity", "state")
             and not name.startswith("jacobian")
         ):
-            roots = tape.roots[: function.result.value.numel() + len(function.guards)]
+            roots = tape.roots[: function.result.size + len(function.guards)]
             found = turns(tape, roots, self.count, name in ("project", "state"))
             self.round |= found[0]
             self.seen |= found[1]
@@ -245,7 +245,7 @@ def _left_out(
 def _kernel(
     equations: Equations, function: Function, turning: _Turning
 ) -> tuple[Kernel, list[Entry]]:
-    size = function.result.value.numel()
+    size = function.result.size
     slots = _slots(equations, function)
     symbols = [(slot.name, slot.symbols) for slot in slots]
     tape = record(symbols, _roots(function), [(n.name, n.about, n.value) for n in function.named])

@@ -233,7 +233,7 @@ def _kernel(
     used = {load.argument for visit in made.visits for load in visit.loads}
     read = {"x", *({"u", "t"} & used), *(load.argument for load in values.loads)}
     uses = tuple(a.name for a in arguments if a.name in read)
-    size = function.result.value.numel()
+    size = function.result.size
     nq = size - made.links
     return Kernel(
         name=function.name,

@@ -77,7 +77,7 @@ def integrator_needs(integrators: Sequence[str]) -> list[str]:
 def check_size(chosen: Sequence[Function]) -> None:
     """Jacobians are worked on in place, on the stack: refuse those that would not fit there."""
     for function in chosen:
-        many = function.result.value.numel()
+        many = function.result.size
         if many > MOST_ON_STACK:
             raise AssumptionError(
                 f"{function.name} has {many} entries, too many to solve with on the stack",
@@ -106,12 +106,18 @@ def selection(equations: Equations, names: Sequence[str] | None) -> list[Functio
     """The functions asked for, and those that loops asked for call; those with an empty result have
     no code."""
     default = {function.name: function for function in equations.functions}
+    usual = [name for name, function in default.items() if _is_usual(function)]
     loops = {request.name: request.needs for request in equations.requests if request.needs}
     asked = names or ("default",)
-    wanted = [n for name in asked for n in (default if name == "default" else (name,))]
+    wanted = [n for name in asked for n in (usual if name == "default" else (name,))]
     needed = [n for name in wanted for n in loops.get(name, (name,))]
     chosen = [_function(equations, default, name) for name in dict.fromkeys(needed)]
-    return [function for function in chosen if function.result.value.numel()]
+    return [function for function in chosen if function.result.size]
+
+
+def _is_usual(function: Function) -> bool:
+    """What grows with a long mechanism has to be asked for, unless it is a loop."""
+    return function.result.written or function.recursion is not None
 
 
 def _function(equations: Equations, default: dict[str, Function], name: str) -> Function:

@@ -13,10 +13,10 @@ from typing import Any
 
 from codegen import text
 from codegen.program import Program
-from codegen.targets.records import WIDEST, Target, is_apart
+from codegen.targets.records import WIDEST, Target, is_apart, unsteady
 
 FOLDER = "acados"
-NEEDS = ("jacobian", "jacobian_u", "dynamics_hessian")
+NEEDS = ("derivatives", "dynamics_hessian")
 
 
 def files(program: Program) -> dict[str, str]:
@@ -39,19 +39,12 @@ def files(program: Program) -> dict[str, str]:
 
 def refusal(program: Program) -> str:
     """One state of one kind, in float64, with its matrices of derivatives."""
-    if not program.simulates:
-        return "it has no state derivative"
-    if program.charts:
-        names = ", ".join(chart.choice for chart in program.charts)
-        return (
-            f"its state changes its meaning on the way, from one of the charts {names} to another; "
-            "an optimizer takes one choice: name it with --choice"
-        )
-    if program.frame:
-        return f"the quasi-velocities of {program.choice} are based anew on the way"
+    reason = unsteady(program, "an optimizer")
+    if reason:
+        return reason
     if program.real.words:
         return f"acados computes in float64, not in {program.real.name}"
-    if not program.has("jacobian"):
+    if not program.has("dynamics_hessian"):
         size = len(program.argument("x").names)
         return f"{size} states are too many for dense Hessians; up to {WIDEST} are not"
     return ""

@@ -31,8 +31,9 @@ SYMBOLS = text.Language(
     'float("inf")',
     'float("nan")',
 )
-# by which argument of the state derivative, and the function that has that Jacobian
-JACOBIANS = {"t": "jacobian_t", "x": "jacobian", "u": "jacobian_u", "p": "jacobian_p"}
+# by which argument of the state derivative, and the function that has that Jacobian; those by x and
+# u stand behind ẋ in one matrix, with what they have in common computed once
+JACOBIANS = {"t": "jacobian_t", "x": "derivatives", "u": "derivatives", "p": "jacobian_p"}
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,11 @@ class Body:
 
 @dataclass(frozen=True)
 class Block:
-    """A Jacobian by one argument: `pattern` is its sparsity as CasADi writes it, by columns;
-    `places` are the entries in our row-major result. Without a kernel it is zero."""
+    """A Jacobian by one argument, the one of that `number`: `pattern` is its sparsity as CasADi
+    writes it, by columns; `places` are the entries in our row-major result. Without a kernel it is
+    zero."""
 
+    number: int
     kernel: Kernel | None
     pattern: tuple[int, ...]
     places: tuple[int, ...]
@@ -66,6 +69,15 @@ class External:
     result: str
     sizes: tuple[int, ...]  # of t, x, u, p
     blocks: tuple[Block, ...]
+
+    @property
+    def calls(self) -> dict[str, list[Block]]:
+        """Function that is called → the blocks that it has entries of."""
+        called: dict[str, list[Block]] = {}
+        for block in self.blocks:
+            if block.kernel and block.places:
+                called.setdefault(block.kernel.name, []).append(block)
+        return called
 
     @property
     def longest(self) -> int:
@@ -166,36 +178,58 @@ def _external(program: Program, kernel: Kernel) -> External:
 
 def _blocks(program: Program, kernel: Kernel, sizes: dict[str, int]) -> tuple[Block, ...]:
     """By t, x, u and p; none where a function that is needed for one of them was not emitted."""
-    name, chart, number = kernel.name.partition("_chart")
+    name, mark, chart = kernel.name.partition("_chart")
     if name != "dynamics":
         return ()
     found: list[Block] = []
-    for argument, jacobian in JACOBIANS.items():
-        own = program.in_chart(jacobian, chart + number)
+    for number, (argument, jacobian) in enumerate(JACOBIANS.items()):
+        own = program.in_chart(jacobian, mark + chart)
         if argument in kernel.uses and own is None:
             return ()
         used = own if argument in kernel.uses else None
-        found.append(_block(used, kernel.size, sizes[argument]))
+        first = _first(argument, sizes)
+        found.append(_block(number, used, first, (kernel.size, sizes[argument])))
     return tuple(found)
 
 
-def _block(kernel: Kernel | None, rows: int, columns: int) -> Block:
-    """What is the number zero is zero by structure."""
+def _first(argument: str, sizes: dict[str, int]) -> int:
+    """The column of the function's result that the Jacobian begins in."""
+    return {"x": 1, "u": 1 + sizes["x"]}.get(argument, 0)
+
+
+def _block(number: int, kernel: Kernel | None, first: int, shape: tuple[int, int]) -> Block:
+    rows, columns = shape
     entries = [
-        [r * columns + c for r in range(rows) if kernel and kernel.outputs[r * columns + c] != 0.0]
+        [r for r in range(rows) if kernel and _is_entry(kernel, r, first + c)]
         for c in range(columns)
     ]
     starts = [sum(map(len, entries[:c])) for c in range(columns + 1)]
-    places = [place for column in entries for place in column]
-    inner = [place // columns for place in places]
-    return Block(kernel, (rows, columns, *starts, *inner), tuple(places))
+    inner = [r for column in entries for r in column]
+    width = _width(kernel) if kernel else 0
+    places = [r * width + first + c for c, column in enumerate(entries) for r in column]
+    return Block(number, kernel, (rows, columns, *starts, *inner), tuple(places))
+
+
+def _width(kernel: Kernel) -> int:
+    return kernel.shape[1] if len(kernel.shape) > 1 else 1
+
+
+def _is_entry(kernel: Kernel, row: int, column: int) -> bool:
+    """What is the number zero is zero by structure, but where something is solved for."""
+    place, solving = row * _width(kernel) + column, kernel.solving
+    if kernel.outputs[place] != 0.0:
+        return True
+    if solving is None:
+        return False
+    inside = row >= solving.first and any(a <= column < b for a, b in solving.ranges)
+    return inside or place in solving.places
 
 
 CASADI = Target(
     "casadi",
     "functions of CasADi symbols, and external functions in C",
     files,
-    needs=tuple(JACOBIANS.values()),
+    needs=tuple(dict.fromkeys(JACOBIANS.values())),
     refusal=refusal,
     readme="casadi.md.j2",
     straight=True,

@@ -73,8 +73,6 @@ def refusal(program: Program) -> str:
     """The boards' floating point is of single precision."""
     if not program.real.words:
         return "a Cortex-M4F computes in float32: build with --real float32"
-    if program.states:
-        return f"its controller and check know no first-order states ({', '.join(program.states)})"
     if not program.kernels:
         return "it has no functions"
     return ""

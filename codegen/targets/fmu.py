@@ -14,7 +14,7 @@ import codegen.runtime.build_fmu
 from codegen import text
 from codegen.integrators import INTEGRATORS
 from codegen.program import Kernel, Program
-from codegen.targets.records import Target
+from codegen.targets.records import Target, unsteady
 from derive.expressions.parser import unit as unit_of
 from derive.expressions.units import BASE
 
@@ -99,19 +99,9 @@ def files(program: Program) -> dict[str, str]:
 
 def refusal(program: Program) -> str:
     """Why there is no FMU of a program; nothing where there is one."""
-    if not program.simulates:
-        return "it has no state derivative"
-    if program.charts:
-        names = ", ".join(chart.choice for chart in program.charts)
-        return (
-            f"its state changes its meaning on the way, from one of the charts {names} to another; "
-            "one choice alone makes an FMU: name it with --choice"
-        )
-    if program.frame:
-        return (
-            f"the quasi-velocities of the choice {program.choice} are based anew on the way; "
-            "another choice makes an FMU"
-        )
+    reason = unsteady(program, "an FMU")
+    if reason:
+        return reason
     if program.real.words:
         return f"an FMU computes in float64, not in {program.real.name}"
     if _integrator(program) is None:

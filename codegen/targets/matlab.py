@@ -6,7 +6,7 @@ from __future__ import annotations
 from codegen import compiler, text
 from codegen.program import Program
 from codegen.targets.records import Target
-from codegen.targets.wasm import run_data
+from codegen.targets.simulate import run_data
 
 FOLDER = "matlab"
 LONGEST = 63 - len("_mex")  # characters of a name

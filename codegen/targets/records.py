@@ -10,6 +10,7 @@ from codegen.program import Kernel, Program
 
 # entries of the state up to which matrices of derivatives are made for a target
 WIDEST = 200
+MATRICES = ("jacobian", "derivatives", "dynamics_hessian")
 
 
 def _fits(program: Program) -> str:
@@ -40,7 +41,25 @@ def affordable(needs: Collection[str], states: int) -> tuple[str, ...]:
     matrices, which have a million entries for a thousand."""
     if states <= WIDEST:
         return tuple(needs)
-    return tuple(name for name in needs if not name.startswith(("jacobian", "dynamics_hessian")))
+    return tuple(name for name in needs if not name.startswith(MATRICES))
+
+
+def unsteady(program: Program, taker: str) -> str:
+    """Why a program has no state of one meaning, which `taker` needs; nothing where it has."""
+    if not program.simulates:
+        return "it has no state derivative"
+    if program.charts:
+        names = ", ".join(chart.choice for chart in program.charts)
+        return (
+            f"its state changes its meaning on the way, from one of the charts {names} to another; "
+            f"{taker} takes one choice: name it with --choice"
+        )
+    if program.frame:
+        return (
+            f"the quasi-velocities of the choice {program.choice} are based anew on the way; "
+            f"{taker} takes another choice"
+        )
+    return ""
 
 
 def is_apart(kernel: Kernel) -> bool:

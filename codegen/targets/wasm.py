@@ -4,12 +4,12 @@ behind it: NAME.wasm, a variant with SIMD, an ES module that loads the better on
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import codegen.runtime.build_wasm
 from codegen import text
 from codegen.program import Program
 from codegen.targets.records import Target
+from codegen.targets.simulate import run_data
 
 FOLDER = "wasm"
 # names of the ES module and of what it gives, and words that no function of JavaScript can have
@@ -31,26 +31,6 @@ def files(program: Program) -> dict[str, str]:
         f"{at}.mjs": text.render("wasm.mjs.j2", program, **data),
         f"{at}.d.mts": text.render("wasm.d.mts.j2", program, **data),
         "build_wasm.py": script.replace('NAME = ""', f'NAME = "{program.name}"', 1),
-    }
-
-
-def run_data(program: Program) -> dict[str, Any]:
-    """What templates of a whole run need: what `simulate` gives besides x and the work, by name
-    and width of a row."""
-    nx, nw = len(program.argument("x").names), len(program.quasi_velocities)
-    rows = {"x": nx, "work": 1}
-    if program.charts:
-        rows |= {"v": program.kernel("velocity").shape[0], "chart": 1}
-    if program.frame:
-        rows["frame"] = program.frame
-    return {
-        "prefix": program.name,
-        "PREFIX": program.name.upper(),
-        "nx": nx,
-        "nu": len(program.argument("u").names),
-        "np": len(program.argument("p").names),
-        "nw": nw,
-        "rows": rows,
     }
 
 

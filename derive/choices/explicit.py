@@ -10,6 +10,8 @@ cheaper depends on the model: both are counted.
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product as combinations
 
@@ -19,11 +21,12 @@ from derive.choices.elimination import Elimination
 from derive.choices.limits import EXPLICIT_MANY
 from derive.choices.reduction import Reduction
 from derive.expressions.counting import alternatives, instructions
+from derive.expressions.deferred import Deferred, Term, is_deferred
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import dot, is_zero, minus, plus
-from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.articulated import tree_solution
 from derive.mechanics.forms import Form
+from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Inertia, Named, System
 from derive.mechanics.solve import ldl_solution, scalars
@@ -42,19 +45,24 @@ class Explicit:
     """q̇, ẇ and v̇ over (t, q, w, u, p), with the reduced mass matrix and force they come from."""
 
     qdot: ca.SX
-    wdot: ca.SX
-    vdot: ca.SX
-    mass: ca.SX
-    force: ca.SX
-    operations: int
+    operations: int  # none where they are not written out
     gathered: str
+    wdot: Term[ca.SX] = Term()
+    vdot: Term[ca.SX] = Term()
+    mass: Term[ca.SX] = Term()
+    force: Term[ca.SX] = Term()
 
     def named(self, reduction: Reduction) -> tuple[Named, ...]:
         """What the generated code names its sections after."""
-        return (
+        shown = (
             Named("S", "generalized velocities per quasi-velocity, v = S w + R c", reduction.S),
             Named("v", "generalized velocities", reduction.v),
             Named("sigma", "v̇ where ẇ = 0", reduction.sigma),
+        )
+        if is_deferred(self, "wdot"):
+            return shown
+        return (
+            *shown,
             Named("M_w", "mass matrix of the quasi-velocities, Sᵀ M S", self.mass),
             Named("f_w", "right-hand side, Sᵀ (Q − h − M σ)", self.force),
         )
@@ -65,6 +73,8 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     fewest operations: by joints, by links, with inertias as given or regrouped, or by the O(n)
     recursion. All ways give the same ẇ up to rounding; only the operations of q̇ and ẇ are
     compared."""
+    if system.long and _fits_recursion(system, reduction):
+        return _deferred(system, reduction)
     found = _articulated(system, reduction)
     if not found or system.written:
         found += _by_matrices(system, reduction)
@@ -75,7 +85,36 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     vdot = ca.mtimes(reduction.S, best.wdot) + reduction.sigma
     # the recursion makes no M_w; where it is used S = 1 and M_w is M
     mass = system.M if best.mass is None else _sparse(best.mass)
-    return Explicit(qdot, best.wdot, vdot, mass, _column(best.force), min(counts), best.gathered)
+    return Explicit(
+        qdot=qdot,
+        operations=min(counts),
+        gathered=best.gathered,
+        wdot=best.wdot,
+        vdot=vdot,
+        mass=mass,
+        force=_column(best.force),
+    )
+
+
+def _deferred(system: System, reduction: Reduction) -> Explicit:
+    """The O(n) recursion of a long tree, which loops over links do not need written out."""
+
+    @functools.cache
+    def found() -> _Gathered:
+        return _articulated(system, reduction)[0]
+
+    def late(make: Callable[[], ca.SX]) -> Deferred[ca.SX]:
+        return Deferred(make, len(reduction.names))
+
+    return Explicit(
+        qdot=ca.substitute(system.qdot, system.v, reduction.v),
+        operations=0,
+        gathered="articulated bodies",
+        wdot=late(lambda: found().wdot),
+        vdot=late(lambda: ca.mtimes(reduction.S, found().wdot) + reduction.sigma),
+        mass=system.M,
+        force=late(lambda: _column(found().force)),
+    )
 
 
 @dataclass(frozen=True)
@@ -115,31 +154,32 @@ def _by_matrices(system: System, reduction: Reduction) -> list[_Gathered]:
 def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
     """ẇ by the O(n) recursion, where the generalized velocities of a tree are the quasi-velocities
     and T is the bodies' alone."""
-    rotors = _diagonal(system.M_extra)
-    if system.rows or not system.links or rotors is None or not _is_identity(reduction.S):
+    if not _fits_recursion(system, reduction):
         return []
+    rotors = _entries(ca.densify(ca.diag(system.M_extra)))
     found: list[_Gathered] = []
+    force = _forces_on_tree(system, reduction)
     for label, inertias in _inertias(system):
-        force = _forces_on_tree(system, reduction, inertias)
         wdot = _column(tree_solution(system.links, inertias, rotors, force).vdot)
         found.append(_Gathered(f"articulated bodies{label}", None, force, wdot))
     return found
 
 
-def _diagonal(M: ca.SX) -> Vector | None:
-    """The diagonal, or None where something stands beside it."""
-    rows = scalars(M)
-    beside = any(not is_zero(x) for i, row in enumerate(rows) for j, x in enumerate(row) if i != j)
-    return None if beside else [row[i] for i, row in enumerate(rows)]
+def _fits_recursion(system: System, reduction: Reduction) -> bool:
+    plain = not system.rows and bool(system.links) and _is_identity(reduction.S)
+    return plain and _is_diagonal(system.M_extra)
 
 
-def _forces_on_tree(system: System, reduction: Reduction, inertias: tuple[Inertia, ...]) -> Vector:
+def _is_diagonal(M: ca.SX) -> bool:
+    rows, columns = M.sparsity().get_triplet()
+    beside = [k for k, (i, j) in enumerate(zip(rows, columns)) if i != j]
+    return not beside or all(is_zero(x) for x in ca.vertsplit(M.nz[beside]))
+
+
+def _forces_on_tree(system: System, reduction: Reduction) -> Vector:
     """Q − h by Newton–Euler with v̇ = 0."""
-    v = _entries(reduction.v)
-    wrenches = newton_euler(system.links, inertias, v, [0.0] * len(v), system.gravity)
-    return _by_joints(
-        system, reduction, _at(system, reduction, system.Q - system.h_extra), wrenches
-    )
+    Q = _at(system, reduction, system.Q - system.h_extra)
+    return _by_joints(system, reduction, Q, ca.SX.zeros(system.v.numel()))
 
 
 def _column(entries: Vector) -> ca.SX:
@@ -180,15 +220,12 @@ def _forces(system: System, reduction: Reduction) -> dict[str, Vector]:
         system.M_extra, reduction.sigma
     )
     applied = ca.mtimes(reduction.S.T, Q)
-    result: dict[str, Vector] = {}
-    v, sigma = _entries(reduction.v), _entries(reduction.sigma)
+    result = {"forces by joints": _by_joints(system, reduction, Q, reduction.sigma)}
     for label, inertias in _inertias(system):
-        wrenches = newton_euler(system.links, inertias, v, sigma, system.gravity)
-        result[f"forces by joints{label}"] = _by_joints(system, reduction, Q, wrenches)
         if reduction.walked is None or not system.rows:
             continue
         wrenches = _wrenches(system, reduction.walked, inertias)
-        result[f"forces by joints from rates{label}"] = _by_joints(system, reduction, Q, wrenches)
+        result[f"forces by joints from rates{label}"] = _carried(system, reduction, Q, wrenches)
         by_links = _force_by_links(reduction, wrenches)
         result[f"forces by links{label}"] = [
             minus(applied[k], by_links[k]) for k in range(len(by_links))
@@ -200,7 +237,14 @@ def _entries(column: ca.SX) -> Vector:
     return [column[i] for i in range(column.numel())]
 
 
-def _by_joints(system: System, reduction: Reduction, Q: ca.SX, wrenches: list[Wrench]) -> Vector:
+def _by_joints(system: System, reduction: Reduction, Q: ca.SX, vdot: ca.SX) -> Vector:
+    """Sᵀ (Q − M v̇ − h) of the links at v of the choice."""
+    motion = _entries(reduction.v), _entries(vdot)
+    inertial = _column(joint_forces_of_motion(system.links, *motion, system.gravity))
+    return _entries(ca.mtimes(reduction.S.T, Q - inertial))
+
+
+def _carried(system: System, reduction: Reduction, Q: ca.SX, wrenches: list[Wrench]) -> Vector:
     inertial = _column(joint_forces(system.links, wrenches, system.v.numel()))
     return _entries(ca.mtimes(reduction.S.T, Q - inertial))
 

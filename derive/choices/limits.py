@@ -21,7 +21,9 @@ MINORS = 3  # with more rows than this the cross product costs more than Gram–
 SQUARED = 1e-12
 
 # reduction
-SINGULAR = 1e-9  # guard: smallest |pivot| relative to the largest over the sampled states
+# guard: smallest |pivot| relative to the largest over the sampled states. Errors of v̇ grow with the
+# square of what it is divided by: here three digits are left, at 1e-8 none
+SINGULAR = 1e-6
 
 # redundancy
 TAKES_PART = 1e-8  # smaller weights in a dependency are roundoff

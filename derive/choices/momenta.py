@@ -78,7 +78,13 @@ def _explicit(
     f_w = ca.mtimes(S.T, force - ca.mtimes(system.M, sigma))
     count = operations(qdot, wdot)
     return Explicit(
-        qdot, wdot, ca.mtimes(S, wdot) + sigma, inverse, f_w, count, "momenta: no inverse in ẇ"
+        qdot=qdot,
+        operations=count,
+        gathered="momenta: no inverse in ẇ",
+        wdot=wdot,
+        vdot=ca.mtimes(S, wdot) + sigma,
+        mass=inverse,
+        force=f_w,
     )
 
 

@@ -423,10 +423,8 @@ def _qualities(ranking: Ranking) -> str:
         if ranking.constant_pivots
         else "a pivot varies with the configuration"
     )
-    return (
-        f"{safe}, cond [A; B] at most {ranking.worst:.3g} over the sampled states, about "
-        f"{ranking.operations} operations"
-    )
+    cost = f", about {ranking.operations} operations" if ranking.operations else ""
+    return f"{safe}, cond [A; B] at most {ranking.worst:.3g} over the sampled states{cost}"
 
 
 def _refused(system: System, choice: Choice, message: str, expected: str) -> AssumptionError:

@@ -3,7 +3,7 @@ of its rows are independent."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product as cartesian
@@ -15,7 +15,6 @@ from derive.choices.limits import (
     ENTRIES,
     FEWEST,
     MOST_WAYS,
-    RANK,
     REGULAR,
     RESOLUTION_MANY,
     SAMPLES,
@@ -34,6 +33,7 @@ from derive.mechanics.records import RowForm, System
 from derive.model.constraint_records import Holonomic
 from derive.model.records import Velocity
 from derive.states.closing import Kinematics
+from derive.states.independence import independent
 from derive.states.initial import initial_state
 from derive.states.sampling import States, row_lengths, states
 
@@ -122,30 +122,15 @@ class Survey:
 
     @cached_property
     def kept(self) -> tuple[int, ...]:
-        """Independent constraint rows, first come first kept."""
-        return self.independent(range(len(self.system.rows)))
+        """Independent constraint rows, first come first kept where that serves everywhere."""
+        return independent(self.rows, range(len(self.system.rows)), self.closing)
 
     @cached_property
     def closing(self) -> tuple[int, ...]:
         """Independent rows among the holonomic ones alone: φ = 0 needs them even where a
         nonholonomic row repeats their rate."""
-        return self.independent([i for i, row in enumerate(self.system.rows) if row.position >= 0])
-
-    def independent(self, rows: Sequence[int]) -> tuple[int, ...]:
-        """Of the given rows those that add rank, judged at most of the sampled states, by
-        Gram–Schmidt in the order given: a row that depends on earlier ones at a singular position
-        alone is kept."""
-        rest = self.rows.copy()
-        kept: list[int] = []
-        for i in rows:
-            lengths = np.linalg.norm(rest[:, i], axis=1)
-            if np.sum(lengths > RANK) <= len(rest) / 2:
-                continue
-            kept.append(i)
-            unit = rest[:, i] / np.where(lengths > RANK, lengths, 1.0)[:, None]
-            for _ in range(2):  # once more, for what roundoff left along it
-                rest = rest - (rest @ unit[:, :, None]) * unit[:, None, :]
-        return tuple(kept)
+        holonomic = [i for i, row in enumerate(self.system.rows) if row.position >= 0]
+        return independent(self.rows, holonomic)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:

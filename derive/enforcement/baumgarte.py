@@ -3,11 +3,10 @@ c) on nonholonomic ones."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import casadi as ca
 
 from derive.enforcement.records import Enforcement, Options
+from derive.expressions.deferred import changed
 from derive.formulations.manifold import keeps_velocities
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
@@ -29,7 +28,7 @@ def _stabilised(system: System, options: Options) -> System:
     alpha = options.alpha or 0.0
     slip = ca.mtimes(system.A, system.v) - system.c
     pulls = [_pull(system, i, slip[i], alpha) for i in range(len(system.rows))]
-    return replace(system, beta=system.beta - ca.vertcat(*pulls)) if pulls else system
+    return changed(system, beta=system.beta - ca.vertcat(*pulls)) if pulls else system
 
 
 def _pull(system: System, i: int, slip: ca.SX, alpha: float) -> ca.SX:

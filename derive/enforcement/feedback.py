@@ -22,7 +22,7 @@ def _refusal(equations: Equations, options: Options) -> str:
         return "there are no position constraints that could drift"
     if keeps_velocities(equations):
         return "the velocities drift too in this formulation; use baumgarte"
-    if not any(request.name == "pull" for request in equations.requests):
+    if not equations.offers("pull"):
         return "no row of the position constraints says anything about the motion"
     return ""
 

@@ -12,6 +12,7 @@ from derive.choices.pivots import quadratic_guards, solved
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey
+from derive.expressions.deferred import passed_on
 from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.control import control
 from derive.formulations.derivatives import derivatives
@@ -44,8 +45,8 @@ def reduced(
         B=reduction.B,
         v=reduction.v,
         qdot=found.qdot,
-        wdot=found.wdot,
-        vdot=found.vdot,
+        wdot=passed_on(found, "wdot"),
+        vdot=passed_on(found, "vdot"),
         lam=lam,
         guards=(*_combining(survey), *reduction.guards),
         solving=(),
@@ -68,8 +69,8 @@ def _minimal(survey: Survey, reduction: Reduction, found: Explicit, lam: ca.SX) 
     return Minimal(
         S=reduction.S,
         sigma=reduction.sigma,
-        mass=found.mass,
-        force=found.force,
+        mass=passed_on(found, "mass"),
+        force=passed_on(found, "force"),
         R=R,
         A=rows.A,
         c=rows.c,

@@ -60,7 +60,7 @@ def derivatives(
     they are made by structure, where that takes fewer operations.
     """
     dynamics = {function.name: function for function in functions}.get("dynamics")
-    if dynamics is None or not dynamics.result.value.numel():
+    if dynamics is None or not dynamics.result.size:
         return ()
     slots = {argument.name: argument for argument in arguments}
     ways = Ways(dynamics, slots, mechanics)
@@ -79,7 +79,7 @@ def derivatives(
             "jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots, ways)
         ),
         Request("contraction", CONTRACTION, lambda: _contraction(dynamics, slots, ways)),
-        Request("dynamics_hessian", HESSIAN, lambda: _hessian(dynamics, slots)),
+        Request("dynamics_hessian", HESSIAN, lambda: _hessian(dynamics, slots, ways)),
         Request("step", STEP, needs=("dynamics", *IMPLICIT)),
         Request("step_sensitivity", SENSITIVITY, needs=("dynamics", *IMPLICIT, *_slopes(slots))),
     )
@@ -95,7 +95,12 @@ class Ways:
         slots: dict[str, Argument],
         mechanics: tuple[System, Motion] | None,
     ) -> None:
-        self.rates, self.slots, self.mechanics = dynamics.result.value, slots, mechanics
+        self._dynamics, self.slots, self.mechanics = dynamics, slots, mechanics
+
+    @property
+    def rates(self) -> ca.SX:
+        """ẋ."""
+        return self._dynamics.result.value
 
     @cached_property
     def looped(self) -> Elimination | None:
@@ -267,15 +272,22 @@ def _jacobian_forward(dynamics: Function, slots: dict[str, Argument], ways: Ways
     return Function("jacobian_forward", about, result, dynamics.named, dynamics.guards, x=taken)
 
 
-def _hessian(dynamics: Function, slots: dict[str, Argument]) -> Function:
-    """The slope of the adjoint product: one sweep backwards, and one forwards for each column."""
+def _hessian(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> Function:
+    """The slope of the adjoint product, one sweep backwards and one forwards for each column; or
+    the upper triangle of what the contraction is linear in (dx, du) by, whichever takes fewer
+    operations."""
     x, u = slots["x"], slots["u"]
-    y = _seeds("y", dynamics.result.labels)
-    product = ca.dot(y, dynamics.result.value)
-    value, _ = ca.hessian(product, ca.vertcat(x.symbols, u.symbols))
+    y, z = _seeds("y", dynamics.result.labels), ca.vertcat(x.symbols, u.symbols)
+    plain, _ = ca.hessian(ca.dot(y, dynamics.result.value), z)
+    dz = ca.SX.sym("dz", z.numel())
+    further = contractions(*ways.mechanics, z, y, dz) if ways.mechanics else ()
+    slopes = (ca.jacobian(curvature, dz) for curvature in further)
+    known = [plain, *(ca.triu2symm(ca.triu(slope)) for slope in slopes)]
+    entries = cheapest_column([ca.densify(ca.vec(matrix)) for matrix in known])
+    value = ca.reshape(entries, z.numel(), z.numel())
     taken = _longer(x, y, _marked("y", dynamics.result.labels), ("",) * y.numel())
     labels = (*x.labels, *u.labels)
-    result = Result("H", ca.densify(value), labels, (), matrix=True)
+    result = Result("H", value, labels, (), matrix=True)
     about = HESSIAN
     return Function("dynamics_hessian", about, result, dynamics.named, dynamics.guards, x=taken)
 

@@ -4,6 +4,7 @@ is handed in."""
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from derive.choices.records import Frame, Guard
 from derive.choices.redundancy import keeps
+from derive.expressions.deferred import Deferred, Term, is_deferred
 from derive.expressions.scalars import Vector
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.limits import CLOSED, MOST_STEPS, PER_RADIAN, USUAL
@@ -31,13 +33,13 @@ class Minimal:
 
     S: ca.SX
     sigma: ca.SX
-    mass: ca.SX
-    force: ca.SX
     R: ca.SX
     A: ca.SX
     c: ca.SX
     beta: ca.SX
     lam: ca.SX
+    mass: Term[ca.SX] = Term()
+    force: Term[ca.SX] = Term()
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,6 @@ class Motion:
     B: ca.SX
     v: ca.SX
     qdot: ca.SX
-    wdot: ca.SX
-    vdot: ca.SX
     lam: ca.SX
     guards: tuple[Guard, ...]  # of v
     solving: tuple[Guard, ...]  # of ẇ and λ beyond those
@@ -59,6 +59,8 @@ class Motion:
     kept: tuple[int, ...]  # independent constraint rows
     closing: tuple[int, ...]  # independent rows among the holonomic ones
     projects_velocity: bool
+    wdot: Term[ca.SX] = Term()
+    vdot: Term[ca.SX] = Term()
     frame: Frame | None = None
     minimal: Minimal | None = None  # none where w are all of v, held by forces
 
@@ -146,8 +148,13 @@ def _dynamics(system: System, motion: Motion) -> Function:
     """ẋ = (q̇, ẇ, ż), guarded by the pivots of v and those that ẇ was divided by."""
     labels = [f"der({name})" for name in labels_of_state(system, motion)]
     units = [per_second(unit) for unit in units_of_state(system, motion)]
-    value = ca.vertcat(motion.qdot, motion.wdot, at_motion(system, motion, system.zdot))
-    result = Result("xdot", value, tuple(labels), tuple(units))
+
+    def value() -> ca.SX:
+        return ca.vertcat(motion.qdot, motion.wdot, at_motion(system, motion, system.zdot))
+
+    late = is_deferred(motion, "wdot")
+    given = Deferred(value, len(labels)) if late else value()
+    result = Result("xdot", given, tuple(labels), tuple(units))
     about = "state derivative: q̇ = N v, " + (_BASE if motion.projects_velocity else _REDUCED)
     about += ", ż as the model gives it" if system.model.states else ""
     guards = (*motion.guards, *motion.solving)
@@ -180,6 +187,11 @@ def per_second(unit: str) -> str:
     return f"{unit}/s" if unit and unit != "1" else "1/s"
 
 
+def _formed(system: System, size: int, make: Callable[[], ca.SX]) -> ca.SX | Deferred[ca.SX]:
+    """Now, or for a long tree on demand."""
+    return Deferred(make, size) if system.long else make()
+
+
 def _mass(system: System) -> Function:
     names = tuple(v.name for v in system.model.velocities)
     return Function(
@@ -196,12 +208,9 @@ def _bias(system: System, motion: Motion) -> Function:
         "bias h(q, v) of the generalized velocities: velocity products, gravity and "
         "potential forces, M v̇ + h = Q + Aᵀ λ"
     )
-    return Function(
-        "bias",
-        about,
-        Result("h", at_motion(system, motion, system.h), names, ()),
-        guards=_used(motion, system.h, system),
-    )
+    value = _formed(system, len(names), lambda: at_motion(system, motion, system.h))
+    guards = _used(motion, system.h, system) if motion.guards else ()
+    return Function("bias", about, Result("h", value, names, ()), guards=guards)
 
 
 def _inverse_dynamics(system: System) -> Function:
@@ -217,9 +226,14 @@ def _inverse_dynamics(system: System) -> Function:
         (*known.labels, *(f"der({name})" for name in names)),
         (*known.units, *(per_second(v.unit) for v in model.velocities)),
     )
-    # the inputs are what inverse dynamics is asked for; springs, dampers and friction stay
-    idle = ca.substitute(system.Q, system.u, ca.SX.zeros(system.u.numel()))
-    value = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot) + system.h_extra - idle
+
+    def forces() -> ca.SX:
+        # the inputs are what inverse dynamics is asked for; springs, dampers and friction stay
+        idle = ca.substitute(system.Q, system.u, ca.SX.zeros(system.u.numel()))
+        inertial = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot)
+        return inertial + system.h_extra - idle
+
+    value = _formed(system, nv, forces)
     told = "(q, v, z, v̇)" if model.states else "(q, v, v̇)"
     about = f"forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from {told}"
     return Function("inverse_dynamics", about, Result("tau", value, names, ()), x=taken)
@@ -410,16 +424,19 @@ def _of_repeated(system: System, motion: Motion) -> str:
 
 def _energy(system: System, motion: Motion) -> Function:
     """T, V (J), and Jacobi's integral where T has terms that are not quadratic in the rates."""
-    value = ca.vertcat(at_motion(system, motion, system.T), system.V)
     about, labels = "kinetic and potential energy T, V", ("T", "V")
     if not system.homogeneous:
-        value = ca.vertcat(value, at_motion(system, motion, system.energy))
         about, labels = f"{about}, and {_JACOBI}", (*labels, INTEGRAL)
+
+    def energies() -> ca.SX:
+        own = [at_motion(system, motion, system.T), system.V]
+        rest = [] if system.homogeneous else [at_motion(system, motion, system.energy)]
+        return ca.vertcat(*own, *rest)
+
+    value = _formed(system, len(labels), energies)
+    guards = _used(motion, system.T, system) if motion.guards else ()
     return Function(
-        "energy",
-        about,
-        Result("energy", value, labels, ("J",) * len(labels)),
-        guards=_used(motion, system.T, system),
+        "energy", about, Result("energy", value, labels, ("J",) * len(labels)), guards=guards
     )
 
 

@@ -49,7 +49,7 @@ def manifold(
     if kept and keeps_velocities(equations):
         requests.append(Request("slip", SLIP, lambda: _slip(equations, kept, x)))
     if closing and not keeps_velocities(equations):
-        requests.append(Request("pull", PULL, lambda: _pull(equations, kept)))
+        requests.append(Request("pull", PULL, lambda: _pull(equations, kept, closing)))
     dynamics = equations.function("dynamics") if equations.has("dynamics") else None
     if dynamics is not None and (dynamics.guards or (kept and keeps_velocities(equations))):
         requests.append(Request("guards", GUARDS, lambda: _guards(equations, kept, dynamics)))
@@ -114,15 +114,17 @@ def _usual_lengths(system: System, kept: Sequence[int]) -> np.ndarray:
     return 2.0 ** np.round(np.log2(np.where(lengths > 0, lengths, 1.0)))
 
 
-def _pull(equations: Equations, kept: Sequence[int]) -> Function:
-    """Δ of A Δ = −φ, B Δ = 0 as the least of |A Δ|² + |B Δ|² with A Δ = −φ."""
+def _pull(equations: Equations, kept: Sequence[int], closing: Sequence[int]) -> Function:
+    """Δ of A Δ = −φ, B Δ = 0 as the least of |A Δ|² + |B Δ|² with A Δ = −φ. Where rows that say
+    more than the rates of φ are kept in their place, A Δ = −φ of the latter alone."""
     system = equations.system
     A, B = system.A[list(kept), :], speed_rows(equations)
+    met = list(kept) if set(closing) <= set(kept) else list(closing)
     side = [
-        -system.phi[system.rows[i].position] if system.rows[i].position >= 0 else 0.0 for i in kept
+        -system.phi[system.rows[i].position] if system.rows[i].position >= 0 else 0.0 for i in met
     ]
     weight = ca.mtimes(B.T, B) + ca.mtimes(A.T, A)
-    delta = bordered_solution(weight, A, [0.0] * system.v.numel(), side)
+    delta = bordered_solution(weight, system.A[met, :], [0.0] * system.v.numel(), side)
     value = ca.substitute(system.qdot, system.v, ca.vertcat(*delta.x))
     return Function(
         "pull", PULL, Result("pull", value, tuple(c.name for c in system.model.coordinates), ())

@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 
 from derive.choices.records import Frame, Guard
+from derive.expressions.deferred import Term, is_deferred, size_of
 from derive.mechanics.records import Named, System
 from derive.mechanics.recursion import Recursion
 
@@ -54,15 +55,25 @@ class Result:
     out as (n,).
 
     A `matrix` comes out as (r, c) even where it has one column. A vector with a `pattern` holds
-    entries of a sparse matrix.
+    entries of a sparse matrix. The value may be deferred: `written` says whether it is there.
     """
 
     name: str
-    value: ca.SX
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
+    value: Term[ca.SX] = Term()
+    labels: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
     matrix: bool = False
     pattern: Pattern | None = None
+
+    @property
+    def written(self) -> bool:
+        """Whether the value has been written out."""
+        return not is_deferred(self, "value")
+
+    @property
+    def size(self) -> int:
+        """How many entries the value has."""
+        return size_of(self, "value")
 
 
 @dataclass(frozen=True)
@@ -204,6 +215,10 @@ class Equations:
         """The function of that name that is made when it is asked for. Raises KeyError where there
         is none."""
         return _by_name(self.requests, name)
+
+    def offers(self, name: str) -> bool:
+        """Whether there is a function of that name on request."""
+        return any(request.name == name for request in self.requests)
 
 
 def _by_name(items: tuple[Any, ...], name: str) -> Any:

@@ -4,12 +4,13 @@ with the exact Jacobian."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
+from derive.expressions.deferred import changed
 from derive.expressions.evaluate import number, value
 from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
@@ -126,7 +127,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         function=ca.Function("steady", known, [R, ca.densify(ca.jacobian(R, y))]),
         residual=ca.Function("residual", known, [R]),
         shifts=ca.Function("shifts", known, [ca.densify(ca.jacobian(R, ca.vertcat(p, s)))]),
-        kinematics=Kinematics(replace(system, p=system.own_p)),
+        kinematics=Kinematics(changed(system, p=system.own_p)),
         speeds=ca.Function("B", [system.t, system.q, system.own_p], [ca.densify(B)]),
         declared={
             name: ca.Function("row", [system.t, system.q, system.own_p], [ca.densify(row)])

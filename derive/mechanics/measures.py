@@ -49,7 +49,7 @@ def with_measures(scene: Scene) -> Scene:
     for measure in model.measures:
         symbols.names[measure.name] = _QUANTITIES[measure.quantity](scene, measure)
     define(model, symbols)
-    return replace(scene, symbols=symbols)
+    return scene.with_symbols(symbols)
 
 
 def frame_place(scene: Scene, name: str) -> Place:

@@ -11,8 +11,10 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
+from derive.expressions.deferred import Term
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.records import Rotation
+from derive.mechanics.limits import LONG
 from derive.mechanics.symbols import Symbols
 from derive.model.records import FirstOrderState, Model, Parameter
 
@@ -131,28 +133,16 @@ class System:
     qdot: ca.SX  # N v
     N: ca.SX
     M: ca.SX  # all zeros where not `written`
-    h: ca.SX  # velocity products, gravity and `potential`
     Q: ca.SX  # everything applied: springs, dampers, inputs, forces, nonideal constraint forces
     phi: ca.SX
     A: ca.SX
     c: ca.SX
     beta: ca.SX
-    T: ca.SX
-    V: ca.SX
-    # what the motion balances: T + V or, where T = T₂ + T₁ + T₀ has terms linear in the rates or
-    # free of them, Jacobi's integral T₂ − T₀ + V
-    energy: ca.SX
     homogeneous: bool  # T is T₂ alone, and energy = T + V
-    # of what is in Q and not −∂V/∂q, ∂(V − T)/∂t of formulas, ∂(V + T)/∂t of bodies that lose mass:
-    # d(energy)/dt = power + λᵀ c
-    power: ca.SX
     outputs: tuple[tuple[str, ca.SX, str], ...]  # name, value, unit
     events: tuple[tuple[str, ca.SX], ...]  # name, value
     rows: tuple[Row, ...]
     links: tuple[Link, ...]
-    inertias: tuple[
-        tuple[Inertia, ...], ...
-    ]  # equivalent sets: as given, and regrouped across the joints
     places: tuple[tuple[str, Place], ...]  # body name → where it is
     blocks: tuple[tuple[tuple[RowForm, ...], ...], ...]
     # M is written out; on long chains it is not, its entries grow with the square of the length
@@ -166,6 +156,22 @@ class System:
     assumptions: tuple[str, ...]
     z: ca.SX  # first-order states
     zdot: ca.SX  # their rates, of t, q, v, u, p and z
+    h: Term[ca.SX] = Term()  # velocity products, gravity and `potential`
+    T: Term[ca.SX] = Term()
+    V: Term[ca.SX] = Term()
+    # what the motion balances: T + V or, where T = T₂ + T₁ + T₀ has terms linear in the rates or
+    # free of them, Jacobi's integral T₂ − T₀ + V
+    energy: Term[ca.SX] = Term()
+    # of what is in Q and not −∂V/∂q, ∂(V − T)/∂t of formulas, ∂(V + T)/∂t of bodies that lose mass:
+    # d(energy)/dt = power + λᵀ c
+    power: Term[ca.SX] = Term()
+    # equivalent sets: as given, and regrouped across the joints
+    inertias: Term[tuple[tuple[Inertia, ...], ...]] = Term()
+
+    @property
+    def long(self) -> bool:
+        """A tree of so many links that what grows with them is made on demand alone."""
+        return len(self.links) >= LONG and not self.rows and not self.written
 
     @property
     def given(self) -> tuple[Parameter | FirstOrderState, ...]:

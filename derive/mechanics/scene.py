@@ -3,13 +3,16 @@ rows."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import casadi as ca
 
 from derive.expressions.scalars import Matrix, Vector
+from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Link, Place, Row, RowForm
 from derive.mechanics.symbols import Symbols
+from derive.mechanics.tree import ground_positions, ground_rotations, twists
 from derive.model.records import (
     Model,
 )
@@ -28,9 +31,34 @@ class Scene:
     qdot: ca.SX
     links: tuple[Link, ...]
     places: dict[str, Place]
-    rotations: list[Matrix]  # ground ← link
-    positions: list[Vector]  # of the links' origins, in the ground
-    omegas: list[Vector]  # of the links, in their frames
+
+    @cached_property
+    def rotations(self) -> list[Matrix]:
+        """Ground ← link."""
+        return ground_rotations(self.links)
+
+    @cached_property
+    def positions(self) -> list[Vector]:
+        """Of the links' origins, in the ground."""
+        return ground_positions(self.links, self.rotations)
+
+    @cached_property
+    def numbers(self) -> list[Numbers]:
+        """Twists (ω, v) of the links, in their frames."""
+        v = self.symbols.v
+        return twists(self.links, [v[i] for i in range(v.numel())])
+
+    @cached_property
+    def omegas(self) -> list[Vector]:
+        """Angular velocities of the links, in their frames."""
+        return [list(angular) for angular, _ in self.numbers]
+
+    def with_symbols(self, symbols: Symbols) -> Scene:
+        """With more names; what was computed is kept."""
+        made = replace(self, symbols=symbols)
+        given = {f.name for f in fields(self)}
+        vars(made).update({name: x for name, x in vars(self).items() if name not in given})
+        return made
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """d/dt of a function of t and q: ∂/∂t + ∂/∂q N v."""

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import functools
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
 from derive.expressions.counting import cheapest
+from derive.expressions.deferred import Deferred
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints import joint_type
 from derive.joints.rotations import is_zero
-from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.blocks import blocks
 from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
-from derive.mechanics.limits import FEW, MOST_ENTRIES, REGULAR
+from derive.mechanics.inverse_dynamics import joint_forces_of_motion
+from derive.mechanics.limits import FEW, LONG, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
 from derive.mechanics.measures import with_measures
@@ -40,14 +42,11 @@ from derive.mechanics.states import energy_of_states, rates_of_states
 from derive.mechanics.symbols import Symbols, symbols
 from derive.mechanics.tree import (
     gravity_energy,
-    ground_positions,
-    ground_rotations,
-    joint_forces,
     kinetic_energy,
     mass_matrix,
     path,
-    twists,
 )
+from derive.model.load_records import Exhaust
 from derive.model.records import Model
 
 REST_NUMBERS: Numbers = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
@@ -65,20 +64,14 @@ def ideal_system(model: Model, constants: Collection[str] | str = ()) -> tuple[S
     s = symbols(model, baked)
     links, places = links_and_places(model, s)
     qdot = _qdot(model, s)
-    rotations = ground_rotations(links)
-    positions = ground_positions(links, rotations)
-    numbers = twists(links, _entries(s.v))
-    scene = Scene(
-        model, s, qdot, links, places, rotations, positions, [list(n[0]) for n in numbers]
-    )
-    scene = with_measures(scene)
+    scene = with_measures(Scene(model, s, qdot, links, places))
     s = scene.symbols
     found = blocks(scene)
     loads, reacting = applied(scene)
     extra = _with_rotors(lagrangian(model, s, qdot), armatures(scene), s)
     g: Vector = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
     nonideal = _nonideal(scene, found) + reacting
-    return _assembled(scene, baked, numbers, found, (loads, nonideal), extra, g)
+    return _assembled(scene, baked, found, (loads, nonideal), extra, g)
 
 
 def _inertias(links: Sequence[Link]) -> tuple[tuple[Inertia, ...], ...]:
@@ -93,7 +86,6 @@ def _inertias(links: Sequence[Link]) -> tuple[tuple[Inertia, ...], ...]:
 def _assembled(
     scene: Scene,
     baked: tuple[str, ...],
-    numbers: list[Numbers],
     found: list[Block],
     forces: tuple[Applied, ca.SX],
     extra: Lagrangian,
@@ -102,37 +94,58 @@ def _assembled(
     """M, h, Q, A, c, β, T and V from the parts, and who balances what: h holds gravity and a
     potential given by formula, Q the springs, so that M v̇ + h = Q + Aᵀ λ counts no force twice."""
     model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
-    inertias = _inertias(links)
     loads, nonideal = forces
-    written = (
-        sum(len(path(links, i)) for i in range(len(links))) <= MOST_ENTRIES
-        or not nonideal.is_zero()
-    )
-    M = _mass(links, inertias, nv) + extra.M if written else ca.SX(nv, nv)
-    h = _newton_euler(links, inertias, _entries(s.v), [0.0] * nv, g) + extra.h
-    A, c, beta = _rows(scene, numbers, [row for block in found for row in block.ways[0]])
+    tied = any(block.rows for block in found)
+    written = _is_short(links, tied) or not nonideal.is_zero()
+    lasting = not any(isinstance(load, Exhaust) for load in model.loads)
+    late = not written and not tied and lasting and len(links) >= LONG
+    inertias = functools.cache(lambda: _inertias(links))
+    M = _mass(links, inertias(), nv) + extra.M if written else ca.SX(nv, nv)
+    A, c, beta = _rows(scene, [row for block in found for row in block.ways[0]])
     phi = (
         ca.vertcat(*[x for block in found for x in block.phi])
         if any(b.phi for b in found)
         else ca.SX(0, 1)
     )
-    moving = ca.SX(kinetic_energy(links, numbers))
-    T = moving + extra.T
-    lifted = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g))
-    still = lifted + extra.V + loads.energy
     zdot, stored = rates_of_states(scene), energy_of_states(scene)
-    V = still + stored if model.states else still
+
+    def bias() -> ca.SX:
+        forces = joint_forces_of_motion(links, _entries(s.v), [0.0] * nv, g)
+        return _column(forces) + extra.h
+
+    @functools.cache
+    def moving() -> ca.SX:
+        return ca.SX(kinetic_energy(links, scene.numbers))
+
+    def kinetic() -> ca.SX:
+        return moving() + extra.T
+
+    def potential() -> ca.SX:
+        lifted = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g))
+        still = lifted + extra.V + loads.energy
+        return still + stored if model.states else still
+
     # q̇ is linear in v, so its Jacobian is N itself
     N = ca.jacobian(scene.qdot, s.v)
     # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q
     Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
-    # T₂ − T₀ + V = T + V − (T₁ + 2 T₀): where rates are prescribed T + V is not what is conserved
-    energy = T + V if extra.missing.is_zero() else T + V - extra.missing
-    # where a mass depends on t, M v̇ has no part Ṁ v: what leaves takes ½ ṁ v² along
-    own = ca.jtimes(V + moving, s.t, ca.SX(1))
-    power = ca.dot(loads.force, s.v) + own - extra.explicit
-    if model.states:
-        power = power + ca.jtimes(stored, s.z, zdot)
+    h, T, V = (functools.cache(x) for x in (bias, kinetic, potential))
+
+    def balanced() -> ca.SX:
+        # T₂ − T₀ + V = T + V − (T₁ + 2 T₀): where rates are prescribed T + V is not conserved
+        total = T() + V()
+        return total if extra.missing.is_zero() else total - extra.missing
+
+    def power() -> ca.SX:
+        # of a long tree the links are left out: neither they nor gravity change with time. Where a
+        # mass depends on t, M v̇ has no part Ṁ v: what leaves takes ½ ṁ v² along
+        told = extra.V + loads.energy if late else V() + moving()
+        given = ca.dot(loads.force, s.v) + ca.jtimes(ca.SX(told), s.t, ca.SX(1)) - extra.explicit
+        return given + ca.jtimes(stored, s.z, zdot) if model.states else given
+
+    def term(make: Callable[[], ca.SX], size: int = 1) -> ca.SX | Deferred[ca.SX]:
+        return Deferred(make, size) if late else make()
+
     measured = outputs(scene)
     result = System(
         model=model,
@@ -147,22 +160,22 @@ def _assembled(
         qdot=scene.qdot,
         N=N,
         M=M,
-        h=h,
+        h=term(h, nv),
         Q=Q,
         phi=phi,
         A=A,
         c=c,
         beta=beta,
-        T=T,
-        V=V,
-        energy=energy,
+        T=term(T),
+        V=term(V),
+        energy=term(balanced),
         homogeneous=extra.missing.is_zero(),
-        power=power,
+        power=term(power),
         outputs=measured,
         events=events(scene, measured),
         rows=tuple(row for block in found for row in block.rows),
         links=links,
-        inertias=inertias,
+        inertias=Deferred(inertias),
         places=tuple(scene.places.items()),
         blocks=tuple(block.ways for block in found),
         written=written,
@@ -177,6 +190,16 @@ def _assembled(
         zdot=zdot,
     )
     return result, nonideal
+
+
+def _is_short(links: Sequence[Link], tied: bool) -> bool:
+    """Whether M has few entries; that of many links is needed only where they are tied."""
+    entries = 0
+    depth: list[int] = []
+    for link in links:
+        depth.append(1 + (depth[link.parent] if link.parent >= 0 else 0))
+        entries += depth[-1]
+    return entries <= MOST_ENTRIES and (tied or len(links) < LONG)
 
 
 def _mass(links: Sequence[Link], sets: Sequence[Sequence[Inertia]], nv: int) -> ca.SX:
@@ -215,32 +238,21 @@ def _qdot(model: Model, s: Symbols) -> ca.SX:
     return ca.vertcat(*[rates[c.name] for c in model.coordinates])
 
 
-def _newton_euler(
-    links: Sequence[Link],
-    sets: Sequence[Sequence[Inertia]],
-    v: Sequence[Scalar],
-    vdot: Sequence[Scalar],
-    g: Vector,
-) -> ca.SX:
-    """The joint forces of a motion against gravity, from the cheapest of equivalent sets of
-    inertias."""
-    found = [
-        joint_forces(links, newton_euler(links, inertias, v, vdot, g), len(v)) for inertias in sets
-    ]
-    return ca.vertcat(*cheapest(found)) if v else ca.SX(0, 1)
-
-
 def inertial_forces(system: System, vdot: ca.SX) -> ca.SX:
     """M v̇ + h of the links alone, (nv × 1), by Newton–Euler: gravity is in it, but neither rotors
     nor the energies that a file gives by formula (M_extra, h_extra)."""
-    return _newton_euler(
-        system.links, system.inertias, _entries(system.v), _entries(vdot), system.gravity
+    return _column(
+        joint_forces_of_motion(system.links, _entries(system.v), _entries(vdot), system.gravity)
     )
 
 
-def _rows(scene: Scene, numbers: list[Numbers], rows: list[RowForm]) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _column(entries: Sequence[Scalar]) -> ca.SX:
+    return ca.vertcat(*entries) if entries else ca.SX(0, 1)
+
+
+def _rows(scene: Scene, rows: list[RowForm]) -> tuple[ca.SX, ca.SX, ca.SX]:
     """A, c and β = −(d A/dt) v + dc/dt from the rows, over the generalized velocities."""
-    nv = scene.symbols.v.numel()
+    nv, numbers = scene.symbols.v.numel(), scene.numbers if rows else []
     needed = {i for row in rows for term in row.terms for i in path(scene.links, term.link)}
     speeds, rates = _twist_forms(scene, numbers, needed)
     joints: dict[int, Form] = {j: {("v", j): 1.0} for j in range(nv)}

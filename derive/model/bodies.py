@@ -11,7 +11,7 @@ from derive.expressions import tree
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.tree import ZERO, Expression, Number
-from derive.model.algebra import Rows, rows, to_centre, turned_tensor
+from derive.model.algebra import Rows, over, rows, to_centre, turned_tensor
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import BodyEntry, InertiaEntry
 from derive.model.limits import INERTIA_SLACK
@@ -40,10 +40,35 @@ def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
     """
     allowed = _allowed(reader, key, entry)
     mass = reader.formula(entry.mass, "a mass", allowed, "kg")
-    com = reader.point(entry.com, "a centre of mass")
-    inertia = _inertia(reader, entry, mass, com, allowed)
+    first = _first_moment(reader, entry, mass)
+    com = reader.point(entry.com, "a centre of mass") if first is None else over(first, mass)
+    inertia, about_origin = _inertia(reader, entry, mass, com, allowed)
     _check_mass(reader, key, entry, mass, inertia)
-    return Body(str(key), mass, com, inertia, key.span)
+    return Body(str(key), mass, com, inertia, key.span, first, about_origin)
+
+
+def _first_moment(reader: Reader, entry: BodyEntry, mass: Expression) -> Vector3 | None:
+    """As the file gives it, in kg m; a body without mass has none."""
+    if entry.first_moment is None:
+        return None
+    if entry.com is not None:
+        reader.report(
+            entry.first_moment.span, "a centre of mass and a first moment", "one of the two"
+        )
+        return None
+    if reader.value(mass, entry.mass) == 0.0:
+        reader.report(
+            entry.first_moment.span, "a first moment of a body without mass", "a mass above zero"
+        )
+        return None
+    if _uses_time(reader, entry.mass):
+        reader.report(
+            entry.first_moment.span,
+            "a first moment of a mass that depends on t",
+            "com:, its centre",
+        )
+        return None
+    return reader.point(entry.first_moment, "a first moment", unit="kg*m")
 
 
 def _allowed(reader: Reader, key: Key, entry: BodyEntry) -> frozenset[str]:
@@ -98,12 +123,13 @@ def _inertia(
     mass: Expression,
     com: Vector3,
     allowed: frozenset[str],
-) -> Inertia:
+) -> tuple[Inertia, Inertia | None]:
+    """About the centre of mass, and about the origin where the file gives that."""
     given = entry.inertia
     if given is None:
-        return POINT_MASS
+        return POINT_MASS, None
     if not isinstance(given, InertiaEntry):
-        return _moments(reader, given, allowed)
+        return _moments(reader, given, allowed), None
     return _carried(reader, given, _moments(reader, given.tensor, allowed), mass, com)
 
 
@@ -135,7 +161,7 @@ def _one_moment(reader: Reader, moment: Expression) -> Inertia:
 
 def _carried(
     reader: Reader, entry: InertiaEntry, given: Inertia, mass: Expression, com: Vector3
-) -> Inertia:
+) -> tuple[Inertia, Inertia | None]:
     """A tensor taken in a turned frame, or about the body's origin, as one about the centre of mass
     in the body's axes."""
     xx, yy, zz, xy, xz, yz = given
@@ -144,8 +170,8 @@ def _carried(
     if turned is not None and not reader.space.plane:
         tensor = turned_tensor(turned, tensor)
     if entry.about is not None and reader.word(entry.about, ABOUT, "point") == "origin":
-        tensor = to_centre(tensor, mass, com)
-    return _six(reader, tensor)
+        return _six(reader, to_centre(tensor, mass, com)), _six(reader, tensor)
+    return _six(reader, tensor), None
 
 
 def _six(reader: Reader, tensor: Rows) -> Inertia:

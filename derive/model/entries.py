@@ -148,6 +148,12 @@ class BodyEntry(Entry):
         description="Centre of mass in the body's frame.",
         json_schema_extra=term("r of the centre of mass", "m", "its origin"),
     )
+    first_moment: Constants | None = Field(
+        None,
+        description="Mass times centre of mass, in the place of `com`: with `inertia: {tensor: …, "
+        "about: origin}` the form in which equations are linear.",
+        json_schema_extra=term("m r of the centre of mass", "kg*m", "mass times `com`"),
+    )
     inertia: Inertia | None = Field(
         None,
         description="About the centre of mass: one moment in a planar model; in space one (a "

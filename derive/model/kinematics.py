@@ -337,7 +337,8 @@ class Rewriting:
             x, y, z = self.axis(node.argument)
             return (0.0 - x, 0.0 - y, 0.0 - z)
         if isinstance(node, Name) and node.name in letters:
-            return tuple(float(letter == node.name) for letter in "xyz")  # type: ignore[return-value]
+            x, y, z = (float(letter == node.name) for letter in "xyz")
+            return x, y, z
         sized = isinstance(node, tree.Vector) and len(node.entries) == self.space.size
         if not sized or not is_constant(node):
             raise self._fault(

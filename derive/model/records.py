@@ -8,7 +8,9 @@ in a body: `position` in body coordinates, `rotation` body ← joint frame.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 from derive.diagnostics import Diagnostic
@@ -133,13 +135,19 @@ class Measure:
 @dataclass(frozen=True)
 class Body:
     """Mass (kg), centre of mass (m, body frame), inertia (kg m², entries xx, yy, zz, xy, xz, yz
-    about the centre of mass)."""
+    about the centre of mass).
+
+    `first_moment` (kg m) and `about_origin` (kg m², the same entries) where the file gives these:
+    they are then what equations are made of, and the others follow.
+    """
 
     name: str
     mass: Expression
     com: Vector3
     inertia: tuple[Expression, Expression, Expression, Expression, Expression, Expression]
     span: Span
+    first_moment: Vector3 | None = None
+    about_origin: tuple[Expression, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -170,7 +178,11 @@ class Joint:
 @dataclass(frozen=True)
 class Closure:
     """A joint that closes a loop; the first body is the joint's parent, `pitch` and `axis2` are as
-    with joints."""
+    with joints.
+
+    `along` says along whose axes points that meet are measured: 0 and 1 are the joint frames on the
+    two bodies. The ground's, unless these say what others do not.
+    """
 
     name: str
     type: str
@@ -180,6 +192,7 @@ class Closure:
     span: Span
     axis2: Vector3 | None = None
     pitch: Expression = ZERO
+    along: int = -1
 
 
 class Constraint(Protocol):
@@ -389,7 +402,7 @@ class Model:
 
     def body(self, name: str) -> Body:
         """The body of that name. Raises KeyError where there is none."""
-        return {body.name: body for body in self.bodies}[name]
+        return self._bodies[name]
 
     def path(self, name: str) -> Path:
         """The path of that name. Raises KeyError where there is none."""
@@ -397,11 +410,23 @@ class Model:
 
     def coordinate_index(self, name: str) -> int:
         """Which entry of q that coordinate is. Raises ValueError where there is none."""
-        return [coordinate.name for coordinate in self.coordinates].index(name)
+        return _index(self._coordinates, name)
 
     def velocity_index(self, name: str) -> int:
         """Which entry of v that generalized velocity is. Raises ValueError where there is none."""
-        return [velocity.name for velocity in self.velocities].index(name)
+        return _index(self._velocities, name)
+
+    @cached_property
+    def _bodies(self) -> dict[str, Body]:
+        return {body.name: body for body in self.bodies}
+
+    @cached_property
+    def _coordinates(self) -> dict[str, int]:
+        return {coordinate.name: i for i, coordinate in enumerate(self.coordinates)}
+
+    @cached_property
+    def _velocities(self) -> dict[str, int]:
+        return {velocity.name: i for i, velocity in enumerate(self.velocities)}
 
     def place(self, name: str) -> Span | None:
         """Where the closure or the constraint of that name stands; None where it is neither."""
@@ -424,3 +449,9 @@ class Model:
             source_line=lines[span.line - 1],
             where=span.where,
         )
+
+
+def _index(places: Mapping[str, int], name: str) -> int:
+    if name not in places:
+        raise ValueError(f"{name} is not in list")
+    return places[name]

@@ -273,11 +273,11 @@ def _uses(value: Any) -> Iterator[tuple[type[Entry], str, Any]]:
     """Keys that are given, in an entry and in all that it holds."""
     if isinstance(value, Entry):
         for name in _given(value):
-            inner = getattr(value, name)
+            inner: Any = getattr(value, name)
             yield type(value), name, inner
             yield from _uses(inner)
     elif isinstance(value, dict):
-        for inner in cast("dict[Any, Any]", value).values():
+        for inner in cast("dict[str, Any]", value).values():
             yield from _uses(inner)
     elif isinstance(value, list):
         for inner in cast("list[Any]", value):
@@ -305,8 +305,8 @@ def _flow(value: Any) -> str:
     if isinstance(value, Entry):
         value = {name: getattr(value, name) for name in _given(value)}
     if isinstance(value, dict):
-        pairs = cast("dict[Any, Any]", value).items()
-        return f"{{{', '.join(f'{key}: {_flow(inner)}' for key, inner in pairs)}}}"
+        entries = cast("dict[str, Any]", value)
+        return f"{{{', '.join(f'{key}: {_flow(inner)}' for key, inner in entries.items())}}}"
     return str(value)
 
 

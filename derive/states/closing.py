@@ -37,6 +37,8 @@ class Kinematics:
 
     def rows(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A (k, nc, nv) and c (k, nc) at k states."""
+        if not self.system.rows:  # N has an entry for each pair of velocities, here for nothing
+            return np.zeros((len(t), 0, self.system.v.numel())), np.zeros((len(t), 0))
         A, c, _ = self._many(self._velocities, t, q, p)
         return A, c[:, :, 0]
 
@@ -48,7 +50,7 @@ class Kinematics:
 
     def rates(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray | None:
         """N at k states; None where it is one everywhere."""
-        return None if self._plain else self._many(self._rates, t, q, p)[0]
+        return None if self.plain else self._many(self._rates, t, q, p)[0]
 
     def values(self, matrix: ca.SX, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
         """A matrix over (t, q, p) at k states."""
@@ -74,7 +76,7 @@ class Kinematics:
         return ca.Function(name, [s.t, s.q, s.p], list(results))
 
     @cached_property
-    def _plain(self) -> bool:
+    def plain(self) -> bool:
         """Whether q̇ = v."""
         N = self.system.N
         return N.is_square() and bool((N - ca.SX.eye(N.size1())).is_zero())
@@ -89,7 +91,7 @@ class Kinematics:
 
     @cached_property
     def _closing(self) -> ca.Function:
-        along = self._jacobian if self._plain else ca.mtimes(self._jacobian, self.system.N)
+        along = self._jacobian if self.plain else ca.mtimes(self._jacobian, self.system.N)
         return self._function("closing", self.system.phi, along)
 
     @cached_property

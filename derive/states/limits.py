@@ -1,12 +1,22 @@
 """The tolerances and limits of sampled and consistent states, with unit and reason; relative where
 nothing else is said."""
 
+# axes
+AXES_SAMPLES = 20  # states at which rows are judged
+BETTER = 2.0  # times the share of the ground's axes: what others have to bring
+
 # closing
 REPEATS = 1e-10  # singular values below this part of the largest belong to rows that repeat others
 CLOSED = 1e-12  # |φ| against 1 + |q|, or of a row against the sizes of its own terms
 EVEN = 1e-3  # of the largest of these a row has at least that part
 NEWTON = 30  # iterations after which a start counts as hopeless
 LEAP = 0.7  # rad: the largest step taken at once
+
+# independence
+# of the independence of all rows: with less at some state other rows than the first are looked at
+POOR = 0.3
+MOST_SETS = 200  # of rows to keep that are all compared
+SINGULAR = 1e-3  # of its usual value the least singular value of all rows: no regular state
 
 # initial
 AGREES = 1e-9  # relative residual up to which held velocities count as kept

@@ -11,21 +11,23 @@ applied force.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic
+from derive.expressions.deferred import Deferred, changed, is_deferred
 from derive.expressions.scalars import Vector
 from derive.mechanics.records import Named, System
 from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
 from derive.mechanics.system import ideal_system
 from derive.model.records import Model
 from derive.numerics import refuses_numerically
+from derive.states.axes import well_turned
 from derive.states.closing import Kinematics
+from derive.states.independence import independent
 from derive.states.limits import RANK, SAMPLES
-from derive.states.sampling import states
+from derive.states.sampling import row_lengths, states
 
 
 @refuses_numerically("the mechanics")
@@ -36,7 +38,7 @@ def system(model: Model, constants: Collection[str] | str = ()) -> System:
     where the kinetic energy is not quadratic in the rates, AssumptionError where a nonideal force
     uses a reaction that is not unique.
     """
-    ideal, C = ideal_system(model, constants)
+    ideal, C = well_turned(*ideal_system(model, constants))
     return ideal if C.is_zero() else with_nonideal(ideal, C)
 
 
@@ -56,12 +58,15 @@ def with_nonideal(system: System, C: ca.SX) -> System:
         Named("lam_ideal", "reactions of the ideal problem", ideal),
         Named("C", "nonideal forces over them", C),
     )
-    known = replace(system, names=(*system.names, *shown))
+    known = changed(system, names=(*system.names, *shown))
     return _with_applied(known, ca.substitute(C, symbols, ideal[used]))
 
 
 def _with_applied(system: System, force: ca.SX) -> System:
-    return replace(system, Q=system.Q + force, power=system.power + ca.dot(force, system.v))
+    if is_deferred(system, "power"):
+        power = Deferred(lambda: system.power + ca.dot(force, system.v))
+        return changed(system, Q=system.Q + force, power=power)
+    return changed(system, Q=system.Q + force, power=system.power + ca.dot(force, system.v))
 
 
 def _depends(system: System, C: ca.SX, name: str) -> bool:
@@ -76,7 +81,7 @@ def ideal_reactions(system: System, used: list[int]) -> ca.SX:
     solver = Kinematics(system)
     found = states(system, SAMPLES, solver=solver)
     sampled = solver.rows(found.t, found.q, found.p)[0]
-    kept = _independent(sampled)
+    kept = list(independent(sampled / row_lengths(sampled)[:, None], range(len(system.rows))))
     for i in used:
         _check_unique(system, sampled, i)
     M, A, nv = system.M, system.A[kept, :], system.v.numel()
@@ -114,14 +119,6 @@ def _by_pivots(system: System, matrix: ca.SX, sides: list[Vector], values: np.nd
             )
         ) from None
     return lu_solution(rows, sides, order).x[0]
-
-
-def _independent(sampled: np.ndarray) -> list[int]:
-    kept: list[int] = []
-    for i in range(sampled.shape[1]):
-        if _rank(sampled[:, [*kept, i]]) > len(kept):
-            kept.append(i)
-    return kept
 
 
 def _rank(sampled: np.ndarray) -> int:

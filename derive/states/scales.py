@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions import tree
+from derive.expressions.deferred import changed
 from derive.expressions.evaluate import number
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit as unit_of
@@ -33,7 +34,7 @@ from derive.expressions.units import (
 )
 from derive.mechanics.records import System
 from derive.model.records import Model
-from derive.states.limits import FARTHEST, PLACES, SMALL, STEP, UNKNOWN
+from derive.states.limits import FARTHEST, LEFT_OVER, PLACES, SMALL, STEP, UNKNOWN
 
 INERTIA = product_of(MASS, power_of(LENGTH, Fraction(2)))
 ACCELERATION = quotient_of(LENGTH, power_of(TIME, Fraction(2)))
@@ -116,7 +117,7 @@ def scaled(system: System, own: Scales) -> System:
             ca.mtimes(system.A, ca.diag(ca.DM(v))),
             system.c,
             ca.mtimes(ca.diag(rates), ca.mtimes(system.N, ca.diag(ca.DM(v)))),
-            ca.DM(np.outer(v, v) / own.energy) * system.M,
+            ca.DM(np.outer(v, v) / own.energy) * system.M if system.written else system.M,
             rates * system.qdot,
         ],
         [system.t, system.q, system.v, system.p],
@@ -124,7 +125,7 @@ def scaled(system: System, own: Scales) -> System:
     )
     terms = dict(zip(("phi", "A", "c", "N", "M", "qdot"), found))
     return _of_like_rows(
-        replace(system, model=replace(model, initial=start), parameters=parameters, **terms)
+        changed(system, model=replace(model, initial=start), parameters=parameters, **terms)
     )
 
 
@@ -138,9 +139,10 @@ def _of_like_rows(system: System) -> System:
         system.parameters,
     )
     places = rng.uniform(-1.0, 1.0, (PLACES, system.q.numel()))
-    rows = typical(
-        [np.max(np.abs(np.nan_to_num(at(0.0, q, p).full())), axis=1, initial=0.0) for q in places]
-    )
+    sizes = [
+        np.max(np.abs(np.nan_to_num(at(0.0, q, p).full())), axis=1, initial=0.0) for q in places
+    ]
+    rows = typical(_without_roundoff(system, np.array(sizes)))
     positions = np.zeros(system.phi.numel())
     for size, row in zip(rows, system.rows):
         if row.position >= 0:
@@ -151,7 +153,17 @@ def _of_like_rows(system: System) -> System:
         by_row * system.c,
         system.phi / ca.DM(positions),
     )
-    return replace(system, A=A, c=c, phi=phi)
+    return changed(system, A=A, c=c, phi=phi)
+
+
+def _without_roundoff(system: System, sizes: np.ndarray) -> np.ndarray:
+    """The sizes of rows at some places (places × rows), zero for rows of closures that are nothing
+    but rounding: made as long as others they would be contradictions. The units of closures are
+    known, so that their rows compare; a formula may be in any."""
+    names = {closure.name for closure in system.model.closures}
+    own = np.array([row.name.partition(".")[0] in names for row in system.rows])
+    least = LEFT_OVER * np.max(sizes, axis=1, initial=0.0, where=own, keepdims=True)
+    return np.where(own & (sizes <= least), 0.0, sizes)
 
 
 def typical(sizes: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:

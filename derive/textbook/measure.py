@@ -6,8 +6,8 @@ import re
 from functools import cache
 
 _TOKEN = re.compile(r"\\begin\{bmatrix\}|\\end\{bmatrix\}|\\\\|\\[A-Za-z]+|\\.|[{}&^_]|\S")
-_SILENT = frozenset(
-    r"\left \right \Bigl \Bigr \mathrm \mathbf \boldsymbol \displaystyle \mathsf".split()  # noqa: SIM905
+_SILENT = frozenset([r"\left", r"\right", r"\Bigl", r"\Bigr", r"\displaystyle"]) | frozenset(
+    [r"\mathrm", r"\mathbf", r"\boldsymbol", r"\mathsf"]
 )
 _ACCENTS = frozenset([r"\dot", r"\ddot", r"\hat", r"\bar", r"\tilde"])
 _NAMES = re.compile(r"\\(a?(?:rc)?(?:sinh?|cosh?|tanh?)|ln|min|max|exp)$")

@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "f56d0995ac14a7275df1fb78591bf7fc"
+#define FOUR_BAR_PROGRAM "09428057670ddf9914e7a9f25732059c"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1

@@ -23,13 +23,13 @@ from codegen.compiler import BINARIES
 from codegen.seal import MANIFEST, manifest_seal
 from derive.diagnostics import ToolchainError, VerificationError
 from hamel.build.files import parents, writing
+from hamel.build.limits import ATTEMPTS
 from hamel.build.scratch import OLD, is_scratch, scratch, sweep
 
 OTHER = "choose another folder with -o"
 WRITABLE = "choose a writable folder with -o"
 ENDINGS = (".so", ".dylib", ".dll", ".pyd")
 CACHED = "__pycache__"
-ATTEMPTS = 20  # another build may be doing the same
 _HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2
 
 

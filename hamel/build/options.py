@@ -6,15 +6,13 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal
 
+from hamel.build.limits import FEWEST, MANY, QUICK_STATES
+
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
 
 Constants = Collection[str] | Literal["all"]
 Fixed = Mapping[str, float | str]  # inputs and parameters that become numbers
-
-QUICK_STATES = 20  # what a build verifies at; `verify` does more
-FEWEST = 2  # states it looks at in any case
-MANY = 2000  # bodies, over all states
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from hamel.build.limits import ABANDONED, YOUNG
+
 try:
     import fcntl
 except ImportError:  # Windows: there what is old enough is swept
@@ -22,8 +24,6 @@ except ImportError:  # Windows: there what is old enough is swept
 
 NAME = re.compile(r"\.hamel-(\d+)-\w+")
 OLD = ".old"  # the end of the name of what makes room for its successor
-YOUNG = 60.0  # s: so long after it was made a folder of a living process may not be locked yet
-ABANDONED = 86_400.0  # s: without locks, nothing takes longer
 
 
 @contextlib.contextmanager

@@ -19,14 +19,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from hamel.build.limits import FRESH, LARGEST, LONGEST
 from hamel.build.scratch import is_scratch, scratch, sweep
 
 INDEX = "index.json"
 LINES = "lines.jsonl"
-DAY = 86_400.0  # s
-LONGEST = 60 * DAY  # s; what was not used for so long is dropped
-LARGEST = 500_000_000  # bytes; above this the entries not used for longest are dropped
-FRESH = 600.0  # s in which an entry may be in use by another process and is left alone
 
 
 @dataclass(frozen=True)

@@ -22,14 +22,12 @@ from derive.formulations.records import Equations
 from derive.linearize.minimal import with_linearization
 from derive.mechanics.records import System
 from hamel.build.clock import Clock
+from hamel.build.limits import FEW, ROUNDS, ROWS
 from hamel.build.module import published
 from hamel.build.options import BuildOptions
 from hamel.build.scratch import workspace
 from hamel.build.stages import mechanics_of, model_of, program_of
 
-FEW = 1.5  # candidates with more than so many times the fewest operations are not compiled
-ROWS = 256
-ROUNDS = 60  # the least of so many counts: what else the machine does only adds
 FLAGS: tuple[tuple[str, ...], ...] = (
     (),
     ("-O3",),

@@ -9,11 +9,10 @@ from pathlib import Path
 
 from derive.diagnostics import ToolchainError
 from hamel.build.files import staged_file
+from hamel.build.limits import PATIENCE, RUNS
 from hamel.build.scratch import scratch
 
 COMMAND = "pdflatex"
-RUNS = 2  # the second has the numbers of equations and sections
-PATIENCE = 120  # seconds for one
 # no shell, no file outside its folder: the text holds words of the user
 SAFE = {"openin_any": "p", "openout_any": "p", "shell_escape": "f"}
 FLAGS = ("-interaction=batchmode", "-halt-on-error", "-no-shell-escape")

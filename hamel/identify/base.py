@@ -21,12 +21,9 @@ from derive.formulations.records import Equations
 from derive.mechanics.regressor import Parameter, parameters
 from derive.mechanics.regrouping import regrouping
 from derive.states.sampling import states
+from hamel.identify.limits import DEPENDS, ROUND, STATES, VANISHES
 
 Array = np.ndarray
-VANISHES = 1e-10  # of a coefficient or a column, relative to the largest: what rounding leaves
-DEPENDS = 1e-8  # of a column that is scaled to one: what is left of it by those before it
-STATES = 60  # at least, and enough for three times as many equations as parameters
-ROUND = 1e-9  # a coefficient this near a whole number is one
 
 
 @dataclass(frozen=True)

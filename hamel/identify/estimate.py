@@ -25,14 +25,10 @@ from derive.formulations.evaluate import function_of
 from derive.formulations.records import Equations
 from derive.mechanics.regressor import INERTIAL, Parameter
 from hamel.identify.base import Base
+from hamel.identify.limits import LEAST_WEIGHT, LIGHT, MARGIN, ROUNDS, SETTLED
 from hamel.identify.measured import Measured, at_rows, parameters_of
 
 Array = np.ndarray
-ROUNDS = 10  # of weights by residuals; they settle in two or three
-SETTLED = 1e-4  # of a standard deviation: far below what it is known to
-LIGHT = 1e-3  # of the least information: what a parameter that is not told is held to the file by
-MARGIN = 1e-9  # of a pseudo-inertia's own size: strictly inside, so that rounding stays there
-LEAST_WEIGHT = 1e-12  # of the largest residual: an equation without noise is not infinitely exact
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,10 @@ from derive.formulations.evaluate import function_of
 from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.identify.base import Base
+from hamel.identify.limits import POINTS, ROOM, STEPS, TRIES
 from hamel.identify.measured import at_rows, parameters_of
 
 Array = np.ndarray
-TRIES = 20  # random series, of which the best is improved
-STEPS = 15  # of the search
-POINTS = 12  # of time per harmonic, where the motion is judged
-ROOM = 0.95  # of the way to a limit
 WIDE = {"rad": 1.5, "m": 0.25}  # to either side of the file's start, where a joint has no limits
 
 

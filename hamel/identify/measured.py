@@ -20,14 +20,10 @@ from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.formulations.evaluate import function_of, slots_of
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics, closed, nominal
+from hamel.columns import file_columns
+from hamel.identify.limits import ABOVE, EVEN, LEAST, NYQUIST, ORDER, POWER
 
 Array = np.ndarray
-ORDER = 4  # of the Butterworth filter, that runs forwards and backwards
-POWER = 0.999  # of the coordinates' power lies below the frequency that the cutoff is taken from
-ABOVE = 5.0  # the cutoff is so many times that frequency
-NYQUIST = 0.4  # and at most this part of the sampling rate
-EVEN = 1e-3  # of a time step: what steps may differ
-LEAST = 20  # rows
 
 
 @dataclass(frozen=True)
@@ -66,24 +62,12 @@ class Measured:
 
 
 def table(file: str | Path) -> dict[str, Array]:
-    """The columns of a CSV file: a line of names, then numbers. Raises ModelError for others."""
-    try:
-        with open(file, encoding="utf-8-sig") as lines:
-            names = [name.strip() for name in lines.readline().strip().split(",")]
-            rows = np.loadtxt(lines, delimiter=",", ndmin=2)
-    except OSError as error:
-        raise ModelError(f"{file} cannot be read: {error.strerror or error}") from None
-    except (ValueError, UnicodeDecodeError) as error:
-        raise ModelError(f"{file}: {error}", "a line of names, then numbers") from None
-    if rows.size == 0 or rows.shape[1] != len(names) or not np.isfinite(rows).all():
-        raise ModelError(
-            f"{file}: {len(names)} names, but other rows", "a finite number below each name"
-        )
-    if len(set(names)) < len(names):
-        raise ModelError(f"{file}: a column is there twice", "a name for each")
-    if len(rows) < LEAST:
-        raise ModelError(f"{file} has {len(rows)} rows", f"{LEAST} or more")
-    return dict(zip(names, rows.T))
+    """The columns of a file. Raises ModelError where it has too few rows to fit anything to."""
+    found = file_columns(file)
+    rows = min(column.size for column in found.values())
+    if rows < LEAST:
+        raise ModelError(f"{file} has {rows} rows", f"{LEAST} or more")
+    return found
 
 
 def measured(equations: Equations, file: str | Path, cutoff: float | None) -> Measured:

@@ -21,17 +21,11 @@ from derive.textbook.pages import rendered
 from hamel.draw.mechanism import picture, svg
 from hamel.linear import plots
 from hamel.linear.figure import moving
+from hamel.linear.limits import GROWING, MAP, NOTHING, REAL, ROUNDOFF, STRONGEST
 from hamel.linear.ranges import Range, own_ranges
 from hamel.linear.sweep import Sweep, swept
 from hamel.linear.words import course, shape
 from hamel.records import Linearized
-
-MAP = 25  # values of each name in a map that is made for the page
-STRONGEST = 8  # parameters named for each mode
-GROWING = 1e-9  # a real part (1/s) above this grows
-NOTHING = 1e-12  # a constant of the motion below this is zero
-ROUNDOFF = 1e-13  # of the largest entry: an entry below this is zero
-REAL = 1e-9  # of its size: a slope with less of an imaginary part is real
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,11 @@ import numpy as np
 
 from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.expressions.tree import Name
+from hamel.linear.limits import COUNT, MOST
 from hamel.settings import parsed, settings, units
 
 if TYPE_CHECKING:
     from derive.model.records import Model, SteadyMotion
-
-COUNT = 101
-MOST = 1_000_000  # values in one sweep
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,7 @@ import numpy as np
 
 from derive.linearize.sensitivity import Mode
 from derive.linearize.study import Study
-
-SEEN = 0.01  # relative amplitude below which a coordinate is not mentioned
-SAME = 1e-9
+from hamel.linear.limits import SAME, SEEN
 
 
 def course(eigenvalue: complex) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 
 from hamel.draw import Curve, Panel, draw
 from hamel.simulate.energies import energy_error
+from hamel.simulate.limits import ALIKE
 
-ALIKE = 10.0  # curves whose sizes differ by more are drawn apart
 TURN = 2 * math.pi
 Curves = Mapping[str, np.ndarray]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,8 @@ import numpy as np
 
 from derive.diagnostics import ModelError
 from hamel.build.files import staged_file, write_text
-from hamel.records import Simulated, wanting
+from hamel.optional import library
+from hamel.records import Simulated
 
 Write = Callable[[Simulated, Path], None]
 Writer = Callable[[Simulated], None]
@@ -25,9 +25,9 @@ def writers(out: str | Path | None, plot: str | Path | None) -> list[Writer]:
 
 
 def check_page(view: str | Path | None) -> None:
-    """What will hold the moving mechanism is a page."""
-    if view and Path(view).suffix.lower() != ".html":
-        raise ModelError(f"--view {view}: the file must end in .html")
+    """What will hold the moving mechanism is a page or a picture."""
+    if view and Path(view).suffix.lower() not in (".html", ".svg"):
+        raise ModelError(f"--view {view}: the file must end in .html or .svg")
 
 
 def _writer(place: Path, known: dict[str, Write], option: str) -> Writer:
@@ -74,14 +74,11 @@ def write_parquet(record: Simulated, place: Path) -> None:
     arrays = [arrow.array(column.tolist()) for column in columns.values()]
     table = arrow.table(arrays, schema=arrow.schema(fields, metadata={"title": record.title}))
     with staged_file(place) as made, made.open("wb") as file:
-        importlib.import_module("pyarrow.parquet").write_table(table, file)
+        library("pyarrow.parquet", "-o FILE.parquet", "data").write_table(table, file)
 
 
 def _arrow() -> Any:
-    try:
-        return importlib.import_module("pyarrow")
-    except ImportError:
-        raise wanting("-o FILE.parquet", "pyarrow") from None
+    return library("pyarrow", "-o FILE.parquet", "data")
 
 
 def write_svg(record: Simulated, place: Path) -> None:

@@ -14,10 +14,10 @@ import numpy as np
 from codegen.runtime.inputs import KINDS, Table, check_cover, source
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
 from derive.model.records import Model
+from hamel.simulate.limits import MOST_POINTS
 
 Function = Callable[[float, np.ndarray], Any]
 Changing = Mapping[str, Any] | Function
-MOST = 10_000_000  # rows of a table
 SEPARATORS = ",;\t"
 
 
@@ -105,8 +105,8 @@ def _rows(place: str, name: str) -> Iterator[tuple[float, float]]:
                 text = line.strip()
                 if not text or text.startswith("#"):
                     continue
-                if number > MOST:
-                    raise ModelError(f"{place}: more than {MOST} rows")
+                if number > MOST_POINTS:
+                    raise ModelError(f"{place}: more than {MOST_POINTS} rows")
                 line = _Line(place, number, line.rstrip("\n"))
                 if first and line.is_header():
                     first = False

@@ -20,8 +20,7 @@ from derive.mechanics.records import System
 from derive.model.records import Model
 from hamel.simulate.inputs import Changes
 from hamel.simulate.libraries import REFERENCES, library_of
-
-TIGHTEST = 1e-15  # rtol; below it a step's error is rounding
+from hamel.simulate.limits import TIGHTEST
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,10 @@ from derive.diagnostics import AssumptionError
 from hamel.progress import paced
 from hamel.simulate.inputs import Changes
 from hamel.simulate.libraries import Problem, library_of
+from hamel.simulate.limits import FINEST, MOST_STEPS
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
-
-FINEST = 1e-10  # rtol; rounding grows near singular positions
-MOST_STEPS = 10**9  # enough for a night; Ctrl-C ends it any time
 
 
 class InputError(AssumptionError):

@@ -7,14 +7,10 @@ from types import ModuleType
 
 import numpy as np
 
+from hamel.simulate.limits import HELD
 from hamel.simulate.motion import Start, Unfinished
 
 IMPLICIT = "radau"  # what takes over
-LOOKS = (5_000, 50_000)  # steps after which it is looked at
-# |λ| of the fastest motion times the mean step, from which on stability and not accuracy makes the
-# steps: explicit pairs of orders 5 to 9 are stable up to 3 to 6 (Hairer, Wanner, 1996, IV.2), and
-# steps by the accuracy of a motion that takes part are below 2.
-HELD = 2.5
 
 
 class Stiff(Exception):

@@ -18,10 +18,9 @@ from hamel.study.front import (
     method,
 )
 from hamel.study.judgement import Reference
+from hamel.study.limits import MOST_BROKEN, WORTH
 from hamel.study.runs import TOO_LONG
 
-WORTH = 1e-8  # the error the advice is about, where it is reached
-MOST_BROKEN = 6
 NUMBER = re.compile(r"[-+.\de]*\d")  # in a reason
 
 

@@ -35,15 +35,12 @@ from hamel.simulate.compiled import Rows, simulation
 from hamel.simulate.exact import Problem, solution, state_of
 from hamel.simulate.exact.series import NotAnalytic
 from hamel.simulate.method import Method
+from hamel.study.limits import AGREES, DIGITS, LEAST_ERROR, MOST_OF_RADAU
 from hamel.verify.checks import strange
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence
 
-DIGITS = 15  # of a solution that judges
-AGREES = 1e-6  # of its accelerations at the end with the independent derivation
-LEAST = 1e-16
 STIFF = {method.name for method in INTEGRATORS if method.adaptive and method.needs}
-MOST_STEPS = 3.0  # times those of SciPy's Radau
 
 
 @dataclass(frozen=True)
@@ -128,7 +125,7 @@ def judged(path: Path, model: Model, entry: Extreme) -> ExtremeRow:
         expected="refused" if entry.refused else "survived",
         passed=good
         and not entry.refused
-        and not (fewest and scipy and fewest > MOST_STEPS * scipy),
+        and not (fewest and scipy and fewest > MOST_OF_RADAU * scipy),
         judged_by=wanted.by,
         steps=found.steps,
         seconds=found.seconds,
@@ -273,7 +270,7 @@ def _error(model: Model, found: Simulated, wanted: dict[str, float]) -> float:
         abs(found.final[name] - value) / (scales[units[name]] or 1.0) for name, value in pairs
     ]
     return (
-        max(float(np.max(errors, initial=0.0)), LEAST)
+        max(float(np.max(errors, initial=0.0)), LEAST_ERROR)
         if np.isfinite(errors).all()
         else float("inf")
     )

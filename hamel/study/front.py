@@ -7,11 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from codegen.integrators import INTEGRATORS
+from hamel.study.limits import NOISE, SMALL
 
 Row = Mapping[str, Any]
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10)
-NOISE = 1.1  # times that differ by less are the same
-SMALL = 1e-12  # drift that is rounding
 OWN = {method.name for method in INTEGRATORS}
 MULTIPLIERS = (
     "augmented",

@@ -9,16 +9,8 @@ from typing import Any
 import numpy as np
 
 from derive.mechanics.records import System
+from hamel.study.limits import AGREE, CLOSER, CONTRADICTED, FAR, LEAST, NEAR
 from hamel.study.plan import Unit
-
-AGREE = 1e-3  # two tight runs that differ by more give no reference
-# an error above this is no result: wrong where another method with the same tolerance is this much
-# closer
-FAR = 0.1
-CLOSER, NEAR = 100.0, 1e-4  # … and is near
-LEAST = 1e-15
-# times the bound and what the best runs differ by, from each other and from their looser ones
-CONTRADICTED = 10.0
 
 COLUMNS = (
     *("model", "formulation", "choice", "enforcement", "integrator", "rtol", "step", "error"),

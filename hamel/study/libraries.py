@@ -11,11 +11,9 @@ import numpy as np
 
 from derive.formulations.records import Equations
 from hamel.simulate.libraries import Problem, Reference, Refusal, library_of
+from hamel.study.limits import LIBRARY_LIMIT, LIBRARY_SHARE
 from hamel.study.modules import Start, plain_equations, start
 from hamel.study.runs import judged, loaded, timed
-
-LIBRARY_LIMIT = 2.0  # seconds of one run after which tighter ones are not tried
-LIBRARY_SHARE = 0.1  # seconds of repeated calls from which a run time is taken
 
 
 def row(

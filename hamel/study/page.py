@@ -28,11 +28,11 @@ from hamel.study.front import (
     method,
 )
 from hamel.study.judgement import COLUMNS, told
+from hamel.study.limits import COMPARED
 from hamel.study.plan import Excluded
 from hamel.study.plots import FIRST, error_charts, estimate_chart, extremes_chart, time_charts
 from hamel.study.study import Study
 
-COMPARED = 1e-8  # tolerance of the comparison of formulations and enforcements
 HEADINGS = {
     "rtol": "rtol", "step": "step (s)", "phi": "|φ|", "velocity": "|A v − c|",
     "energy": "energy error", "ms": "ms",

@@ -17,11 +17,9 @@ from hamel.build.module import module_in
 from hamel.charts import at_rows
 from hamel.simulate.energies import total_energy
 from hamel.simulate.motion import status_of
+from hamel.study.limits import MOST_REPEATS, MOST_STEPS, POINTS
 from hamel.study.modules import Start, start
 
-MOST_STEPS = 10**9
-POINTS = 240  # of a track
-MOST_REPEATS = 15
 TOO_LONG = "too long"
 
 

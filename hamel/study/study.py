@@ -16,6 +16,7 @@ from codegen.integrators import INTEGRATORS
 from hamel.engines import Engine
 from hamel.study import libraries, modules, plan, runs
 from hamel.study.judgement import Judge, Reference, agreed
+from hamel.study.limits import BUILD_LIMIT, EXACT_LIMIT, GRACE, TRACK_LIMIT, TRACKED
 from hamel.study.plan import DEFAULT, Excluded, Restrictions, Unit
 from hamel.study.results import Results
 from hamel.study.runs import TOO_LONG
@@ -24,11 +25,6 @@ from hamel.study.series import Outcome, Task, outcomes
 # Of the two runs of the reference: two integrators on two formulations, so that they share no error
 # of discretisation. The second pair is tried where the first takes too long.
 TIGHT = ((("dop853", 1e-14), ("dopri5", 1e-14)), (("radau", 1e-11), ("dop853", 1e-11)))
-EXACT_LIMIT = 20.0  # seconds of a tight run
-BUILD_LIMIT = 120.0
-GRACE = 60.0  # seconds on top of what a message should take, for machines that are busy otherwise
-TRACK_LIMIT = 5.0  # seconds of one of them
-TRACKED = 1e-8  # tolerance of the motions whose violations are drawn over time
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,12 @@ from typing import Any
 import numpy as np
 
 from derive.diagnostics import ModelError, did_you_mean, listed
-from hamel.sweep.needs import library
+from hamel.columns import ENDINGS, file_columns
+from hamel.optional import library
+from hamel.sweep.limits import BLOCK, COUNT, MOST, WHOLE
 
 METHODS = ("formulation", "choice", "enforcement", "integrator", "rtol", "step_size")
 DESIGNS = ("random", "sobol", "latin", "saltelli")
-BLOCK = 256  # samples that one generator draws
-MOST = 10**12  # motions
-WHOLE = 10**7  # numbers of a design that is only known as a whole, or of a file
-COUNT = 101  # places of a range that does not say how many
 _CALL = re.compile(r"(\w+)\s*\((.*)\)", re.DOTALL)
 
 Value = Callable[[str, str], float]  # (name, text) → number in SI
@@ -390,8 +388,6 @@ def _range(name: str, text: str, value: Value) -> tuple[float, ...]:
 
 # ---- files
 
-ENDINGS = (".csv", ".parquet")
-
 
 def is_file(text: str) -> bool:
     """Whether a text names a file of columns."""
@@ -406,43 +402,15 @@ def _column(text: str) -> tuple[str, str] | None:
 
 def _table(file: str, names: Mapping[str, str]) -> Table:
     """Columns of a file: all of them under their own names, or those that are named."""
-    columns = _csv(file) if file.lower().endswith(".csv") else _parquet(file)
-    wanted = dict(names) or {name: name for name in columns}
+    known = file_columns(file)
+    wanted = dict(names) or {name: name for name in known}
     for name, column in wanted.items():
-        if column not in columns:
-            near = did_you_mean(column, columns) or f"it has {listed(columns)}"
+        if column not in known:
+            near = did_you_mean(column, known) or f"it has {listed(known)}"
             raise ModelError(f"{file} has no column '{column}' for {name}; {near}")
-    found = tuple(tuple(map(float, columns[column])) for column in wanted.values())
+    found = tuple(tuple(map(float, known[column])) for column in wanted.values())
     if not found or not found[0]:
         raise ModelError(f"{file} has no rows")
     if len(found) * len(found[0]) > WHOLE:
         raise ModelError(f"{file} has more than {WHOLE} numbers")
     return Table(Path(file).name, tuple(wanted), found)
-
-
-def _csv(file: str) -> dict[str, np.ndarray]:
-    try:
-        with open(file, encoding="utf-8-sig") as lines:
-            names = [name.strip() for name in lines.readline().strip().split(",")]
-            rows = np.loadtxt(lines, delimiter=",", ndmin=2)
-    except OSError as error:
-        raise ModelError(f"{file} cannot be read: {error.strerror or error}") from None
-    except ValueError as error:
-        raise ModelError(
-            f"{file}: {error}", "a line of names, then numbers, between commas"
-        ) from None
-    if rows.shape[1] != len(names) or not np.isfinite(rows).all():
-        raise ModelError(f"{file}: {len(names)} names, but other rows", "a finite number each")
-    return dict(zip(names, rows.T))
-
-
-def _parquet(file: str) -> dict[str, np.ndarray]:
-    parquet = library("pyarrow.parquet", f"reading {file}")
-    try:
-        table = parquet.read_table(file)
-        columns = {name: np.asarray(table[name], dtype=float) for name in table.column_names}
-    except Exception as error:
-        raise ModelError(f"{file} cannot be read: {error}") from None
-    if not all(np.isfinite(column).all() for column in columns.values()):
-        raise ModelError(f"{file} holds what is no finite number")
-    return columns

@@ -13,12 +13,9 @@ from derive.diagnostics import AssumptionError, HamelError, ToolchainError
 from hamel.engines import Engine
 from hamel.sweep.folder import GROUP, RESUME, Folder
 from hamel.sweep.job import payload
+from hamel.sweep.limits import AHEAD, LOOK, TRIES
 from hamel.sweep.plan import Plan
 from hamel.sweep.work import Answer, Task, remember, work
-
-AHEAD = 2  # chunks for each that can run at once: a worker never waits for the next
-TRIES = 20  # times that a chunk may lose its worker
-LOOK = 1.0  # s between two looks at whether the engine is still there
 
 
 @dataclass

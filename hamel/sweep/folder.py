@@ -15,11 +15,11 @@ from typing import Any
 
 from derive.diagnostics import ModelError, ToolchainError
 from hamel.build.files import writing
-from hamel.sweep.needs import library
+from hamel.optional import library
+from hamel.sweep.limits import GROUP
 from hamel.sweep.work import Held, all_of, written
 
 PLAN, CHUNKS, GROUPS = "sweep.json", "chunks", "groups"
-GROUP = 256
 RESUME = "the same command goes on from what is there"
 
 

@@ -34,11 +34,10 @@ from hamel.sweep.artefact import Artefact, packed
 from hamel.sweep.axes import METHODS, Design, Sampling, design
 from hamel.sweep.job import Job, Modes, Motions
 from hamel.sweep.kept import Kept, Names, kept
+from hamel.sweep.limits import MOST_METHODS, ROWS
 from hamel.sweep.linear import equations_in
 
-ROWS = 500  # looked at where something of the whole motion is kept, and no step is given
 MOTIONS, POINTS = 1024, 16_384  # of a chunk: motions, and eigenvalues without motions
-MOST_METHODS = 64
 
 
 @dataclass(frozen=True)

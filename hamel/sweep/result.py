@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from derive.diagnostics import ToolchainError
+from hamel.optional import library
 from hamel.sweep.axes import problem
 from hamel.sweep.folder import RESUME, Folder
-from hamel.sweep.needs import library
 from hamel.sweep.plan import Plan
 from hamel.sweep.work import Held, columns_in, summary_of
 

@@ -17,10 +17,9 @@ from typing import Any
 
 import numpy as np
 
-ACCURACY = 0.005  # relative, of every quantile
+from hamel.sweep.limits import ACCURACY, ENDS, LEAST
+
 GAMMA = (1 + ACCURACY) / (1 - ACCURACY)
-LEAST = 1e-30  # a magnitude below it counts as zero
-ENDS = 5  # smallest and largest motions that are remembered
 QUANTILES = (0.001, 0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 0.999)
 
 

@@ -16,14 +16,14 @@ import numpy as np
 import hamel
 from derive.diagnostics import ToolchainError
 from hamel.build import store
+from hamel.optional import library
 from hamel.sweep.artefact import unpacked
 from hamel.sweep.chunk import GOOD, Chunk, cause, made, studied
 from hamel.sweep.job import Job, Motions, of_payload
-from hamel.sweep.needs import library
+from hamel.sweep.limits import REASONS
 from hamel.sweep.summary import merged, of_json, summary
 
 JOB = "sweep"  # the kind of entry in the store
-REASONS = 3  # that an answer tells
 
 _known: dict[str, tuple[Job, Any, str]] = {}
 _lock = threading.Lock()

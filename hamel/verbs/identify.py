@@ -21,9 +21,9 @@ from hamel.identify.excitation import columns, excitation
 from hamel.identify.fit import Fit, fit, own_values, relative
 from hamel.identify.page import page
 from hamel.identify.writing import identified
+from hamel.optional import library
 from hamel.records import BaseParameter, BaseParameters, Excitation, Identified, StandardParameter
 from hamel.show import table
-from hamel.sweep.needs import library
 
 if TYPE_CHECKING:
     from rich.console import Console

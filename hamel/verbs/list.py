@@ -117,7 +117,7 @@ def _functions(model: Model) -> dict[str, Iterable[Known]]:
     emitted when asked for by name."""
     found = with_linearization(equations(mechanics_of(model)))
     return {
-        "functions": (Known(f.name, f.about) for f in found.functions if f.result.value.numel()),
+        "functions": (Known(f.name, f.about) for f in found.functions if f.result.size),
         "functions on request": (Known(request.name, request.about) for request in found.requests),
         "frame functions": (
             Known(f"{family.name}_FRAME", family.about) for family in found.families

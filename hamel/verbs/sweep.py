@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 from derive.diagnostics import ModelError
 from hamel.engines import engine
+from hamel.optional import library
 from hamel.records import KeptColumn, Swept
 from hamel.show import number, table
 from hamel.sweep.chunk import cause
 from hamel.sweep.drive import driven
 from hamel.sweep.folder import Folder
-from hamel.sweep.needs import library
 from hamel.sweep.page import PAGE, page
 from hamel.sweep.plan import Asked, Plan, planned
 from hamel.sweep.result import columns_of, dataset, held_of_rows, sensitivities

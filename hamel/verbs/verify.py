@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -38,9 +39,12 @@ from hamel.verify.shipped import shipped, shipped_checks
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from codegen.program import Program
     from derive.formulations.records import Equations
+    from hamel.verify.targets import Subject
 
 SHOWN = 5  # files that are named at once
+NUMBERS = 1_000_000  # of arguments and values that targets are compared at, over all functions
 
 
 def run(
@@ -97,10 +101,7 @@ def run_targets(
     on_request(options.targets)
     equations = equations_of(path, options.choice, options.constants, options.formulation)
     program = program_for(equations, options)
-    emitted = [kernel.name for kernel in program.kernels]
-    with compiled(program.name, emit(program)) as made:
-        rows = shipped(with_emitted(equations, program), emitted, seed, states)
-        subject = subject_of(program, made.module, rows)
+    with target_subject(equations, program, states, seed) as subject:
         lines = [
             CheckLine(f"{check.target}: {c.name}", float(c.value), float(c.tolerance), c.passed)
             for check in target_checks(options.targets)
@@ -108,6 +109,19 @@ def run_targets(
         ]
     passed = all(line.passed for line in lines)
     return Verified(program.name, passed, tuple(lines), {}, states, seed)
+
+
+@contextmanager
+def target_subject(
+    equations: Equations, program: Program, states: int, seed: int
+) -> Iterator[Subject]:
+    """The module with the files of its targets, compiled in a folder for the time being, and
+    arguments at random admissible states. Raises AssumptionError for a target that does not
+    fit."""
+    emitted = [kernel.name for kernel in program.kernels]
+    with compiled(program.name, emit(program)) as made:
+        rows = shipped(with_emitted(equations, program), emitted, seed, states, NUMBERS)
+        yield subject_of(program, made.module, rows)
 
 
 def is_module(path: str | PathLike[str]) -> bool:

@@ -71,7 +71,7 @@ def _inverted(survey: Survey, reduction: Reduction) -> tuple[ca.SX, Reduction]:
         v=v,
         sigma=ca.substitute(sigma, system.v, v),
         walked=None,
-        guards=block_guards(found, names),
+        guards=block_guards(survey, found, names),
         pivots=_in_words(survey, found, names),
         constant_pivots=all(block.grade < 2 for block in found.blocks),
     )
@@ -113,7 +113,13 @@ def _projected(survey: Survey, reduction: Reduction) -> Explicit:
     vdot = ca.mtimes(S, wdot) + reduction.sigma
     count = operations(qdot, wdot)
     return Explicit(
-        qdot, wdot, vdot, M_w, f_w, count, "mass matrix and forces as written, then projected"
+        qdot=qdot,
+        operations=count,
+        gathered="mass matrix and forces as written, then projected",
+        wdot=wdot,
+        vdot=vdot,
+        mass=M_w,
+        force=f_w,
     )
 
 

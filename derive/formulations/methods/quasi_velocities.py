@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from derive.choices.explicit import Explicit
 from derive.choices.named import carried_through
 from derive.choices.pivots import by_reflections, solved
 from derive.choices.reduction import Reduction
@@ -22,7 +23,7 @@ from derive.model.records import Choice
 def _equations(survey: Survey, choice: Choice) -> Equations:
     found = carried_through(survey, choice)
     reduction, result = found.reduction, found.explicit
-    lam = _multipliers(survey, reduction, result.vdot)
+    lam = _multipliers(survey, reduction, result)
     return reduced(survey, FORMULATION.name, choice.name, found.reason, reduction, result, lam)
 
 
@@ -34,7 +35,7 @@ def _missing(system: System, reduction: Reduction, vdot: ca.SX) -> ca.SX:
     return ca.substitute(forces - system.Q, system.v, reduction.v)
 
 
-def _multipliers(survey: Survey, reduction: Reduction, vdot: ca.SX) -> ca.SX:
+def _multipliers(survey: Survey, reduction: Reduction, result: Explicit) -> ca.SX:
     """λ from Yᵀ [λ; 0] = M v̇ + h − Q, Y = [A; B].
 
     Where Y has no safe pivots it may be far worse conditioned than A alone: then λ is the least
@@ -43,14 +44,14 @@ def _multipliers(survey: Survey, reduction: Reduction, vdot: ca.SX) -> ca.SX:
     rows = survey.independent_rows
     if not survey.rank:
         return rows.spread([])
-    missing = _missing(survey.system, reduction, vdot)
+    missing = _missing(survey.system, reduction, result.vdot)
     Y = ca.vertcat(rows.A, reduction.B)
-    result = solved(survey, Y.T, [entries(missing)], reduction)
-    if by_reflections(result):
+    found = solved(survey, Y.T, [entries(missing)], reduction)
+    if by_reflections(found):
         sides = [[x] for x in entries(missing)]
         column, _ = reflected_solution(scalars(ca.SX(rows.A).T), sides)
         return rows.spread([x for (x,) in column])
-    return rows.spread(result.columns[0])
+    return rows.spread(found.columns[0])
 
 
 FORMULATION = Formulation(

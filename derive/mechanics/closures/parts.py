@@ -4,6 +4,7 @@ axes."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 
@@ -26,7 +27,7 @@ LOCKED = (*PARALLEL, (1, 0))
 
 
 def meeting(scene: Scene, closure: Closure) -> Block:
-    """The two points coincide: φ = p₂ − p₁ in ground axes, in m.
+    """The two points coincide: φ = p₂ − p₁ in ground axes, or in those of a joint frame, in m.
 
     The velocity rows can be taken along the axes of the ground or of either body: they say the
     same, but which entries are constant, and so which pivots are safe, differs.
@@ -43,7 +44,18 @@ def meeting(scene: Scene, closure: Closure) -> Block:
         for frame in frames
         if len(own := axes_in_plane(scene, frame)) == len(axes)
     )
+    if closure.along >= 0:
+        turned = _gap(scene, closure, closure.along, range(len(axes)))
+        block = block_of_positions(scene, names, turned, "m/s")
+        return replace(block, ways=(*block.ways, *ways))
     return Block(tuple(Row(name, i, "m/s") for i, name in enumerate(names)), phi, ways)
+
+
+def _gap(scene: Scene, closure: Closure, side: int, axes: Sequence[int]) -> list[ca.SX]:
+    """aᵢ · (p₂ − p₁) along axes of the first or the second joint frame."""
+    frames = closure_frames(scene, closure)
+    gap = frames.origins[1] - frames.origins[0]
+    return [ca.dot(frames.axes[side][i], gap) for i in axes]
 
 
 def _closure_rows(
@@ -84,9 +96,5 @@ def right_angles(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]
 def shifts(scene: Scene, closure: Closure, axes: Sequence[int]) -> Block:
     """φ = aᵢ · (p₂ − p₁) along axes of the first joint frame, in m. These axes turn, so the row's
     rate holds ω × aᵢ as well."""
-    frames = closure_frames(scene, closure)
-    gap = frames.origins[1] - frames.origins[0]
-    phi = [ca.dot(frames.axes[0][i], gap) for i in axes]
-    return block_of_positions(
-        scene, [f"{closure.name}.shift{k + 1}" for k in range(len(axes))], phi, "m/s"
-    )
+    names = [f"{closure.name}.shift{k + 1}" for k in range(len(axes))]
+    return block_of_positions(scene, names, _gap(scene, closure, 0, axes), "m/s")

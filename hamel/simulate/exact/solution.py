@@ -26,14 +26,12 @@ from hamel.build import store
 from hamel.simulate.exact.series import Fixed, Graph, NotAnalytic, Series
 from hamel.simulate.exact.taylor import Problem as Flow
 from hamel.simulate.exact.taylor import integrated
+from hamel.simulate.limits import FIRST_CORRECTIONS, MORE, VERSION
 from hamel.verify.checks.evidence import all_parameters
 from hamel.verify.reference.outcome import evaluate, reference
 from hamel.verify.reference.outcome import state_of as spelled_out
 
-VERSION = 2
 KIND = "reference"  # of entries in the store
-MORE = 4  # digits carried beyond those asked for
-FIRST_CORRECTIONS = 6  # each gains as many digits as a double holds
 
 
 @dataclass(frozen=True)

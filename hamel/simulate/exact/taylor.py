@@ -13,11 +13,9 @@ import numpy as np
 
 from codegen.runtime.simulation import Simulation, Status, Stopped
 from hamel.simulate.exact.series import Fixed, Graph, Series
+from hamel.simulate.limits import FINE, FIRST, MOST_EXACT_STEPS
 
-MOST_STEPS = 20_000
-FIRST = Fraction(1, 2**10)  # s, of the first step; it grows eightfold where that is short
 GROWTH, SMALLEST = 8.0, 2.0**-200
-FINE = 256  # steps are whole parts of powers of two
 
 
 @dataclass(frozen=True)
@@ -44,8 +42,8 @@ def integrated(
     for time in map(Fraction, times):
         while now < time:
             steps += 1
-            if steps > MOST_STEPS:
-                why = f"a motion of more than {MOST_STEPS} steps"
+            if steps > MOST_EXACT_STEPS:
+                why = f"a motion of more than {MOST_EXACT_STEPS} steps"
                 raise Stopped(why, _simulation(times, rows, steps, Status.MORE))
             series = _terms(problem, fixed, now, step, state, order)
             share = _share(fixed, series, digits)

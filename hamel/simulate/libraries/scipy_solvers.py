@@ -3,24 +3,18 @@ output times."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from codegen.runtime.simulation import Simulation
-from derive.diagnostics import ToolchainError
+from hamel.optional import library
 from hamel.simulate.libraries.records import Problem, Reference, refusal, simulation
 
 
 def _prepared(solver: str, problem: Problem) -> Callable[[], Simulation]:
-    try:
-        integrate = importlib.import_module("scipy.integrate")  # an extra of its own
-    except ImportError:
-        raise ToolchainError(
-            "SciPy is not installed", "pip install scipy, or use an integrator of the module itself"
-        ) from None
+    integrate = library("scipy.integrate", f"the integrator {solver.lower()}", "sweep")
     return lambda: _run(getattr(integrate, solver), solver, problem)
 
 

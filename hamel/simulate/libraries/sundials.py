@@ -27,9 +27,8 @@ from codegen.runtime.simulation import Simulation, Status
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics
 from hamel.simulate.libraries.records import Problem, Reference, Refusal, refusal, simulation
+from hamel.simulate.limits import MOST_LIBRARY_STEPS, UNCHECKED
 
-MOST_STEPS = 10_000_000
-UNCHECKED = 1e10  # the absolute tolerance of multipliers
 # of flags; IDA shortens some of them
 _STATUS = {
     "TOO_MUCH_WORK": Status.MORE,
@@ -112,7 +111,7 @@ def _multipliers(problem: Problem, kept: list[int]) -> np.ndarray:
 def _independent_rows(equations: Equations) -> list[int]:
     """The independent rows, by the names that their own function shows; without such a function no
     row says anything."""
-    if not any(request.name == "slip" for request in equations.requests):
+    if not equations.offers("slip"):
         return []
     names = [row.name for row in equations.system.rows]
     slip = equations.request("slip").function
@@ -127,7 +126,7 @@ def _prepared(
     steps = {
         "abstol": problem.atol,
         "reltol": problem.rtol,
-        "max_num_steps": MOST_STEPS,
+        "max_num_steps": MOST_LIBRARY_STEPS,
         "show_eval_warnings": False,
     }
     made = _compiled(dae) if problem.compiled else dae

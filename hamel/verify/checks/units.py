@@ -131,7 +131,7 @@ class Units:
             "reactions": self.lam,
             "project": self.x,
         }
-        count, result = function.result.value.numel(), function.result
+        count, result = function.result.size, function.result
         found = own.get(
             function.name,
             self.own.all_of(result.units) if len(result.units) == count else np.ones(count),

@@ -2,8 +2,9 @@
 
 Two joint frames, one placed on each body, have origins p and axes a, b; the joint's axis is the
 third axis of both. φ and its order are the project's convention, for λ to mean the same: points
-first, p₂ − p₁ along the ground's axes (revolute, ball, universal, fixed) or along axes of the first
-frame (the sliding joints); then bⱼ · aᵢ of axes that stay at right angles.
+first, p₂ − p₁ along the ground's axes or those of the frame that the model says (revolute, ball,
+universal, fixed), or along axes of the first frame (the sliding joints); then bⱼ · aᵢ of axes that
+stay at right angles.
 """
 
 from __future__ import annotations
@@ -73,7 +74,11 @@ def triad(axis: Array, plane: str = "") -> Array:
 
 
 def _meeting(loop: Loop) -> list[Jet]:
-    """p₂ − p₁ along the ground's axes: λ is the force on the second body."""
+    """p₂ − p₁ along the ground's axes: λ is the force on the second body. Along those of a joint
+    frame where the model says so."""
+    if loop.closure.along >= 0:
+        axes = loop.axes[loop.closure.along][: len(loop.plane or "xyz")]
+        return [dot(axis, loop.gap) for axis in axes]
     return [_component(loop.gap, UNIT[letter]) for letter in loop.plane or "xyz"]
 
 

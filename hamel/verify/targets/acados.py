@@ -1,5 +1,5 @@
-"""The acados target, without acados: its C compiled against headers of the same layout, called as
-acados calls it (vectors and matrices inside larger ones), and compared with Runge-Kutta steps of
+"""The acados target, without acados: its C compiled against the BLASFEO in CasADi, called
+as acados calls it (vectors and matrices inside larger ones), and compared with Runge-Kutta steps of
 the module and their differences."""
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 
 from codegen import compiler
@@ -24,56 +25,61 @@ MOVE = 0.1  # of the sizes of its entries the state may move in a step
 BY = 1e-4  # of differences, relative
 DIFFERENCES = 1e-6  # to what derivatives and differences of the fourth order must agree
 STRICT = ("-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared")
+HEADER = "blasfeo_d_aux.h"
+# all that acados itself adds to BLASFEO here, in its own layout
 EXTERNAL = """#ifndef EXTERNAL_FUNCTION_GENERIC_H
 #define EXTERNAL_FUNCTION_GENERIC_H
 struct blasfeo_dmat_args { struct blasfeo_dmat *A; int ai, aj; };
 struct blasfeo_dvec_args { struct blasfeo_dvec *x; int xi; };
 #endif
 """
-BLASFEO = """#ifndef BLASFEO_D_AUX_H
-#define BLASFEO_D_AUX_H
-struct blasfeo_dmat { double *pA; int m, n, cn, use_dA; };
-struct blasfeo_dvec { double *pa; int m; };
-void blasfeo_dgein1(double a, struct blasfeo_dmat *sA, int ai, int aj);
-double blasfeo_dvecex1(struct blasfeo_dvec *sx, int xi);
-void blasfeo_dvecin1(double a, struct blasfeo_dvec *sx, int xi);
-#endif
-"""
-# panels of four rows, as BLASFEO keeps matrices; u before x in one vector, as acados does
+# vectors and matrices of BLASFEO's own, the results inside larger ones; u before x in one vector
 CALLER = """
-static double *entry(struct blasfeo_dmat *A, int i, int j)
+#include "blasfeo_d_aux_ext_dep.h"
+static void zeros(struct blasfeo_dmat *A, int m, int n)
 {{
-    return A->pA + i / 4 * 4 * A->cn + i % 4 + j * 4;
+    int i, j;
+    blasfeo_allocate_dmat(m, n, A);
+    for (i = 0; i < m; i++)
+        for (j = 0; j < n; j++)
+            blasfeo_dgein1(0.0, A, i, j);
 }}
-void blasfeo_dgein1(double a, struct blasfeo_dmat *A, int i, int j)
+static void vector(struct blasfeo_dvec *v, int n, const double *values)
 {{
-    *entry(A, i, j) = a;
+    int i;
+    blasfeo_allocate_dvec(n, v);
+    for (i = 0; i < n; i++)
+        blasfeo_dvecin1(values[i], v, i);
 }}
-double blasfeo_dvecex1(struct blasfeo_dvec *x, int i)
-{{
-    return x->pa[i];
-}}
-void blasfeo_dvecin1(double a, struct blasfeo_dvec *x, int i)
-{{
-    x->pa[i] = a;
-}}
-static double room[2][(NZ + 8) * (NZ + 8)];
 int call(int results, double *ux, double *pi, double *p, double *fun, double *jac, double *hess);
 int call(int results, double *ux, double *pi, double *p, double *fun, double *jac, double *hess)
 {{
-    struct blasfeo_dvec z = {{ux, NZ}}, l = {{pi, NX}}, f = {{fun, NX}};
-    struct blasfeo_dmat B = {{room[0], NZ, NX, NX + 2, 0}}, H = {{room[1], NZ, NZ, NZ + 1, 0}};
+    struct blasfeo_dvec z, l, f;
+    struct blasfeo_dmat B, H;
     struct blasfeo_dvec_args x = {{&z, NU}}, u = {{&z, 0}}, by = {{&l, 0}}, to = {{&f, 0}};
     struct blasfeo_dmat_args J = {{&B, 3, 1}}, S = {{&H, 1, 1}};
     void *in[3] = {{&x, &u, &by}}, *out[3] = {{&to, &J, &S}};
-    int i, j, status = results == 1 ? {name}_disc_dyn_fun(in, out, p) : results == 2 ?
+    int i, j, status;
+    vector(&z, NZ, ux);
+    vector(&l, NX, pi);
+    vector(&f, NX, fun);
+    zeros(&B, NZ + 4, NX + 2);
+    zeros(&H, NZ + 2, NZ + 2);
+    status = results == 1 ? {name}_disc_dyn_fun(in, out, p) : results == 2 ?
         {name}_disc_dyn_fun_jac(in, out, p) : {name}_disc_dyn_fun_jac_hess(in, out, p);
+    for (i = 0; i < NX; i++)
+        fun[i] = blasfeo_dvecex1(&f, i);
     for (i = 0; i < NZ; i++) {{
         for (j = 0; j < NX; j++)
-            jac[i * NX + j] = *entry(&B, 3 + i, 1 + j);
+            jac[i * NX + j] = blasfeo_dgeex1(&B, 3 + i, 1 + j);
         for (j = 0; j < NZ; j++)
-            hess[i * NZ + j] = *entry(&H, 1 + i, 1 + j);
+            hess[i * NZ + j] = blasfeo_dgeex1(&H, 1 + i, 1 + j);
     }}
+    blasfeo_free_dmat(&H);
+    blasfeo_free_dmat(&B);
+    blasfeo_free_dvec(&f);
+    blasfeo_free_dvec(&l);
+    blasfeo_free_dvec(&z);
     return status;
 }}
 """
@@ -98,7 +104,7 @@ def check(subject: Subject) -> tuple[CheckResult, ...]:
         library = _library(subject, Path(folder), command)
         errors = np.array(list(_errors(subject, library)))
     values, same, jacobians, hessians = errors.T if errors.size else [[]] * 4
-    about = f"{SUBSTEPS} Runge-Kutta steps, in headers of acados's layout; not run with acados"
+    about = f"{SUBSTEPS} Runge-Kutta steps, with BLASFEO; not run with acados"
     return (
         result(subject, "steps", [*values], about),
         result(subject, "one step by all three functions", [*same], "with and without derivatives"),
@@ -116,16 +122,28 @@ def _differences(name: str, errors: list[float]) -> CheckResult:
 def _library(subject: Subject, place: Path, command: list[str]) -> ctypes.CDLL:
     (place / "acados" / "utils").mkdir(parents=True)
     (place / "acados" / "utils" / "external_function_generic.h").write_text(EXTERNAL)
-    (place / "blasfeo_d_aux.h").write_text(BLASFEO)
     source = subject.folder / "acados" / f"{subject.name}_acados.c"
     head = f'#define SUBSTEPS {SUBSTEPS}\n#include "{source.as_posix()}"\n'
     (place / "call.c").write_text(head + CALLER.format(name=subject.name), "utf-8")
-    asked = [*command, *STRICT, f"-I{place}", "call.c", "-lm", "-o", "call.so"]
+    blasfeo = _blasfeo()
+    headers = ["-isystem", str(blasfeo.parent / "include"), f"-I{place}"]
+    linked = [str(blasfeo), f"-Wl,-rpath,{blasfeo.parent}", "-lm"]
+    asked = [*command, *STRICT, *headers, "call.c", *linked, "-o", "call.so"]
     done = subprocess.run(asked, check=False, cwd=place, capture_output=True, text=True)
     if done.returncode:
         said = compiler.first_error(done.stderr)
         raise ToolchainError(f"the C for acados does not compile: {said}")
     return ctypes.CDLL(str(place / "call.so"))
+
+
+def _blasfeo() -> Path:
+    """The library of BLASFEO that comes with CasADi, its headers beside it in a folder."""
+    folder = Path(ca.__file__).parent
+    libraries = [folder / f"libblasfeo{end}" for end in (".so", ".dylib")]
+    there = [path for path in libraries if path.is_file()]
+    if not (there and (folder / "include" / HEADER).is_file()):
+        raise ToolchainError("this CasADi comes without BLASFEO", "pip install -U casadi")
+    return there[0]
 
 
 def _called(library: ctypes.CDLL, results: int, row: Row, h: float, pi: Array) -> Answer:

@@ -46,10 +46,10 @@ def _in_double(jax: ModuleType) -> Iterator[None]:
 
 def _mapped(jax: ModuleType, function: Callable[..., Any]) -> Callable[..., np.ndarray]:
     """The state among others: in the middle of three."""
+    many = jax.jit(jax.vmap(function, (None, 0, None, None)))
 
     def value(t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
-        states = np.stack([0.5 * x, x, 2.0 * x])
-        return np.asarray(jax.vmap(function, (None, 0, None, None))(t, states, u, p))[1]
+        return np.asarray(many(t, np.stack([0.5 * x, x, 2.0 * x]), u, p))[1]
 
     return value
 
@@ -58,15 +58,16 @@ def _derivatives(subject: Subject, jax: ModuleType, dynamics: Any) -> list[Check
     """By x and u along the vectors of the module's products, by p and t as whole Jacobians; both
     ways through."""
 
-    def forward(t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> Any:
-        state, dx, du = np.split(x, [len(x) - nx - len(u), len(x) - len(u)])
-        along = (0.0, dx, du, np.zeros_like(p))
-        return jax.jvp(dynamics, (t, state, u, p), along)[1]
+    @jax.jit
+    def forward(t: Any, x: Any, u: Any, p: Any) -> Any:
+        along = (0.0, x[nx : 2 * nx], x[2 * nx :], jax.numpy.zeros_like(p))
+        return jax.jvp(dynamics, (t, x[:nx], u, p), along)[1]
 
-    def adjoint(t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> Any:
+    @jax.jit
+    def adjoint(t: Any, x: Any, u: Any, p: Any) -> Any:
         value, back = jax.vjp(dynamics, t, x[:nx], u, p)
         _, by_x, by_u, _ = back(x[nx:].astype(value.dtype))
-        return np.concatenate([by_x, by_u])
+        return jax.numpy.concatenate([by_x, by_u])
 
     nx = subject.module.nx
     found = []
@@ -89,20 +90,19 @@ def _second(subject: Subject, jax: ModuleType, dynamics: Any) -> CheckResult:
     module's; forward over forward against both."""
     nx = subject.module.nx
 
-    def ways(t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
-        def scalar(z: Any) -> Any:
-            return jax.numpy.dot(x[nx:], dynamics(t, z[:nx], z[nx:], p))
+    def way(outer: Any, inner: Any) -> Callable[..., Any]:
+        def hessian(t: Any, x: Any, u: Any, p: Any) -> Any:
+            def scalar(z: Any) -> Any:
+                return jax.numpy.dot(x[nx:], dynamics(t, z[:nx], z[nx:], p))
 
-        z = np.concatenate([x[:nx], u])
-        orders = [(jax.jacfwd, jax.jacrev), (jax.jacrev, jax.jacrev)]
-        if "jacobian_forward" in subject.rows:
-            orders += [(jax.jacfwd, jax.jacfwd), (jax.jacrev, jax.jacfwd)]
-        return [np.asarray(outer(inner(scalar))(z)) for outer, inner in orders]
+            return outer(inner(scalar))(jax.numpy.concatenate([x[:nx], u]))
 
-    errors = [
-        subject.error("dynamics_hessian", lambda *given, k=k: ways(*given)[k])
-        for k in range(4 if "jacobian_forward" in subject.rows else 2)
-    ]
+        return jax.jit(hessian)
+
+    orders = [(jax.jacfwd, jax.jacrev), (jax.jacrev, jax.jacrev)]
+    if "jacobian_forward" in subject.rows:
+        orders += [(jax.jacfwd, jax.jacfwd), (jax.jacrev, jax.jacfwd)]
+    errors = [subject.error("dynamics_hessian", way(*order)) for order in orders]
     return result(subject, "second derivatives", errors, "of yᵀ ẋ by x and u, all ways through")
 
 

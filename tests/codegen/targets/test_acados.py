@@ -1,4 +1,4 @@
-"""The acados target: the C against headers of acados's layout, errors in it that are seen, the
+"""The acados target: the C with BLASFEO, errors in it that are seen, the
 AcadosModel that is filled, what is refused.
 
 Of codegen.targets: acados.

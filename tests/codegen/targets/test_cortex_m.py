@@ -49,7 +49,7 @@ def on_board(base, model, choice=None):
         made = program_for(equations, options)
         names = [kernel.name for kernel in made.kernels]
         rows = shipped(with_emitted(equations, made), names, 0)
-        folder = published(made, base / model).folder
+        folder = published(made, base / made.name).folder
         return subject_of(made, loader.load(folder), rows)
 
 
@@ -87,6 +87,16 @@ def test_instructions_and_stack_are_measured(four_bar):
     run = checked.measured(four_bar, "cortex-m7")
     instructions, stack = run.cost["dynamics"]
     assert 100 < instructions < 5000 and 0 < stack < 2048
+
+
+@needs_qemu
+@pytest.mark.slow
+def test_first_order_states_stand_behind_the_others(tmp_path):
+    """The controller reads w from its place, and the check takes longer rows."""
+    muscle = on_board(tmp_path, "gallery/muscle_activation")
+    names = [result.name for result in checked.check(muscle) if result.passed]
+    assert names == [result.name for result in checked.check(muscle)]
+    assert "values on M7" in names
 
 
 @needs_qemu

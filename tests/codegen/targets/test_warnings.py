@@ -15,11 +15,13 @@ from codegen.emit import emit
 from codegen.integrators import INTEGRATORS
 from codegen.passes import program
 from codegen.passes.precision import in_precision
+from codegen.passes.roll import ALWAYS
 from codegen.program import Program
 from derive.enforcement import ENFORCEMENTS, Options, kept_equations
 from derive.formulations import equations
-from tests.scenes import derived, mechanics
+from tests.scenes import derived, equations_of_text, mechanics
 from tests.toy import toy
+from tests.trees import equal_links
 
 STRICT = ("-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only")
 HEADERS = (sysconfig.get_paths()["include"], np.get_include())
@@ -38,6 +40,12 @@ def _enforced(model: str, *names: str) -> Program:
     )
 
 
+def _rolled() -> Program:
+    """Loops over links without inputs."""
+    text = equal_links(3).partition("inputs:")[0]
+    return program(equations_of_text(text), ("dynamics",), roll=ALWAYS)
+
+
 PROGRAMS: dict[str, Callable[[], Program]] = {
     "toy": lambda: program(toy()),
     "float32": lambda: in_precision(program(toy()), "float32"),
@@ -46,6 +54,8 @@ PROGRAMS: dict[str, Callable[[], Program]] = {
     ),
     "rolling_disk": lambda: _enforced("rolling_disk", "invariants", "projection", "none"),
     "charts": lambda: program(equations(mechanics("slider_crank"), "slider+crank", charts=True)),
+    "rolled": _rolled,
+    "rolled, float32": lambda: in_precision(_rolled(), "float32"),
     "long": lambda: program(derived("stanford_arm", formulation="udwadia_kalaba")),
 }
 

@@ -52,3 +52,10 @@ def test_rows_of_rounding_do_not_keep_states_from_being_found():
     own = system(load(FINDINGS / "rnd29.yaml"))
     assert len(states(own, 10).q) == 10
     assert survey_of(own).freedom == 4
+
+
+def test_rows_of_rounding_are_no_contradictions_in_other_units():
+    """Divided by its own size rounding of φ was 40 m: the file closed nowhere."""
+    own = system(load(FINDINGS / "rnd210.yaml"))
+    assert len(states(own, 10).q) == 10
+    assert survey_of(own).freedom == 3

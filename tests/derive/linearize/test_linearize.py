@@ -2,7 +2,7 @@
 zeros.
 
 Of derive.linearize: cyclic, limits, records.
-Of hamel.linear: figure, page, plots, ranges, sweep, words.
+Of hamel.linear: figure, limits, page, plots, ranges, sweep, words.
 """
 
 import re

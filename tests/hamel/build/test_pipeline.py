@@ -1,7 +1,7 @@
 """The pipeline: stages in the log, names that clash, what is stored, and the shipped module
 verified by itself.
 
-Of hamel.build: clock, files.
+Of hamel.build: clock, files, limits.
 """
 
 from __future__ import annotations

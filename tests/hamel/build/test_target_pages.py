@@ -1,5 +1,6 @@
 """The pages of docs/targets: their commands and their code run, in the order they stand there, where
-the tools they are about are installed."""
+the tools they are about are installed. For acados, which no package index carries, a package of the
+same name and fields stands in."""
 
 import importlib.util
 import os
@@ -21,6 +22,21 @@ PACKAGES = {
     "casadi": "casadi", "acados": "acados_template", "fmu": "fmpy", "fmu2": "fmpy",
     "numba": "numba", "jax": "jax",
 }  # fmt: skip
+# the fields that our pages and generated code fill; no others can be set
+STAND_INS = {
+    "acados_template": """
+class AcadosModel:
+    __slots__ = ["name", "x", "xdot", "u", "z", "p", "f_impl_expr", "f_expl_expr", "disc_dyn_expr",
+        "dyn_ext_fun_type", "dyn_generic_source", "dyn_disc_fun", "dyn_disc_fun_jac",
+        "dyn_disc_fun_jac_hess"]
+class AcadosOcpOptions:
+    __slots__ = ["integrator_type", "hessian_approx"]
+class AcadosOcp:
+    __slots__ = ["model", "parameter_values", "solver_options"]
+    def __init__(self):
+        self.solver_options = AcadosOcpOptions()
+"""
+}
 # and what its commands run
 TOOLS = {
     "wasm": ("node", "wasm-ld"),
@@ -53,7 +69,9 @@ def test_every_target_on_request_has_its_page():
 def test_what_the_page_shows_runs(page, tmp_path):
     package = PACKAGES.get(page.stem, "hamel")
     if importlib.util.find_spec(package) is None:
-        pytest.skip(f"{package} is not installed")
+        if package not in STAND_INS:
+            pytest.skip(f"{package} is not installed")
+        (tmp_path / f"{package}.py").write_text(STAND_INS[package])
     missing = [tool for tool in TOOLS.get(page.stem, ()) if shutil.which(tool) is None]
     if missing:
         pytest.skip(f"{missing[0]} is not installed")

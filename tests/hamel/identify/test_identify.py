@@ -1,7 +1,7 @@
 """Base parameters have the counts by the rule of the literature, and noisy motions give them back.
 
 Of derive.mechanics: regrouping.
-Of hamel.identify: base, estimate, excitation, fit, measured, page, writing.
+Of hamel.identify: base, estimate, excitation, fit, limits, measured, page, writing.
 Of hamel.verbs: identify.
 """
 
@@ -157,7 +157,7 @@ def test_series_keep_the_limits_of_joints(motion):
         (lambda names, rows: (names, rows[::-1]), "even steps"),
         (lambda names, rows: (names, rows[:5]), "5 rows"),
         (lambda names, rows: (["t", "t", *names[2:]], rows), "there twice"),
-        (lambda names, rows: (names[:-1], rows), "names, but other rows"),
+        (lambda names, rows: (names[:-1], rows), "names over"),
     ],
 )
 def test_files_that_are_wrong_are_refused(motion, tmp_path, change, message):

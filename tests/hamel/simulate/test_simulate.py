@@ -1,7 +1,7 @@
 """`hamel simulate`: motions against closed forms, on their constraints, in balance; files; starts
 that contradict themselves.
 
-Of hamel.simulate: automatic, files, inputs, method, motion, record.
+Of hamel.simulate: automatic, files, inputs, limits, method, motion, record.
 """
 
 import csv

@@ -87,7 +87,7 @@ def test_stiff_cases_need_at_most_three_times_the_steps_of_scipy(
     entry = next(entry for entry in model.extremes if entry.name == "heavily_damped")
     row = judged(path, model, entry)
     assert row.passed and row.fewest and row.scipy and row.fewest <= row.scipy
-    monkeypatch.setattr(importlib.import_module("hamel.study.extremes"), "MOST_STEPS", 0.1)
+    monkeypatch.setattr(importlib.import_module("hamel.study.extremes"), "MOST_OF_RADAU", 0.1)
     assert not judged(path, model, entry).passed
 
 
@@ -194,7 +194,7 @@ def test_thirty_digits_are_thirty_digits() -> None:
 
 def test_a_series_that_cannot_go_on_has_a_status(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same record as of any other motion, with the rows up to there."""
-    monkeypatch.setattr(taylor, "MOST_STEPS", 3)
+    monkeypatch.setattr(taylor, "MOST_EXACT_STEPS", 3)
     x = ca.SX.sym("x")
     nothing = ca.SX(0, 1)
     flow = ca.Function("flow", [ca.SX.sym("t"), x, nothing, nothing], [x])

@@ -1,7 +1,7 @@
 """hamel report: rows to believe, a page without network, nothing computed twice, and a wrong
 reference that is noticed.
 
-Of hamel.study: comparison, libraries, page, plan, plots, results, runs.
+Of hamel.study: comparison, libraries, limits, page, plan, plots, results, runs.
 """
 
 from __future__ import annotations

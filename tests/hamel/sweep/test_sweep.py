@@ -1,7 +1,8 @@
 """hamel sweep: the motions are those of `simulate`, the bytes those of any engine, nothing is made
 twice, and what is wrong is said.
 
-Of hamel.sweep: artefact, axes, chunk, drive, folder, job, kept, linear, needs, page, plan, result, summary, work.
+Of hamel: columns, optional.
+Of hamel.sweep: artefact, axes, chunk, drive, folder, job, kept, limits, linear, page, plan, result, summary, work.
 Of hamel.verbs: sweep.
 """
 

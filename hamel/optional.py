@@ -9,7 +9,8 @@ from derive.diagnostics import ToolchainError
 
 
 def library(name: str, what: str, extra: str = "sweep") -> Any:
-    """A module of an optional library. Raises ToolchainError where it is missing."""
+    """A module of an optional library; `what` needs it, the extra brings it. Raises
+    ToolchainError where it is missing."""
     try:
         return importlib.import_module(name)
     except ImportError:

@@ -1,0 +1,92 @@
+"""Along which axes the points of closures meet, where rows repeat others.
+
+p₂ − p₁ = 0 says the same along any axes, but not row by row. Two bodies that turn about one line
+and meet at a point of it once more say nothing along the line: along axes that turn with them that
+is always the same row, or the same part of each; along the ground's it is one row here and another
+there. Then no rows that are kept for good are independent wherever all of them are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from derive.diagnostics import HamelError
+from derive.mechanics.records import System
+from derive.mechanics.system import ideal_system
+from derive.model.records import Closure
+from derive.model.rows import closure_parts
+from derive.states.closing import Kinematics, closed, nominal
+from derive.states.independence import independent, share
+from derive.states.limits import AXES_SAMPLES, BETTER, GAP, POOR
+from derive.states.sampling import row_lengths, states
+
+
+def well_turned(ideal: System, forces: ca.SX) -> tuple[System, ca.SX]:
+    """The ideal system and the forces beside it, as `ideal_system` gives them, with the points of
+    closures along axes in which the same rows repeat others everywhere. They stay along the
+    ground's where these serve, and where a force or an output uses the reactions along them."""
+    turnable = _turnable(ideal, forces)
+    if not turnable or not _may_repeat(ideal):
+        return ideal, forces
+    best = _share(ideal)
+    found = ideal, forces
+    for side in (0, 1) if best < POOR else ():
+        turned = _along(ideal, turnable, side)
+        own = _share(turned[0])
+        if own > BETTER * best:
+            best, found = own, turned
+    return found
+
+
+def _along(ideal: System, turnable: Sequence[str], side: int) -> tuple[System, ca.SX]:
+    """The mechanics anew, with these closures along the axes of their first or second frame."""
+    model = ideal.model
+    closures = tuple(replace(x, along=side) if x.name in turnable else x for x in model.closures)
+    return ideal_system(replace(model, closures=closures), ideal.constants)
+
+
+def _turnable(ideal: System, forces: ca.SX) -> list[str]:
+    """Closures with points that meet, whose reactions nothing in the model uses."""
+    used = ca.vertcat(forces, *[value for _, value, _ in ideal.outputs])
+    return [
+        x.name for x in ideal.model.closures if _meets(ideal, x) and not _reacts(ideal, x, used)
+    ]
+
+
+def _meets(ideal: System, closure: Closure) -> bool:
+    parts = closure_parts(closure.type, ideal.model.plane)
+    return bool(parts) and parts[0] in "xyz"
+
+
+def _reacts(ideal: System, closure: Closure, used: ca.SX) -> bool:
+    names = [row.name for row in ideal.rows if row.name.partition(".")[0] == closure.name]
+    return bool(ca.depends_on(used, ideal.symbols.reactions(names)))
+
+
+def _may_repeat(ideal: System) -> bool:
+    """Whether rows repeat others where the file starts, once it is closed: cheaper to see than at
+    states all over, and no row that repeats others everywhere does not do so there."""
+    solver, p = Kinematics(ideal), np.array(ideal.parameters, dtype=float)
+    q = closed(solver, 0.0, nominal(ideal), p)
+    if q is None:
+        return True
+    A = solver.velocities(0.0, q, p)[0]
+    return bool(np.linalg.matrix_rank(A, tol=GAP * np.linalg.norm(A)) < len(A))
+
+
+def _share(ideal: System) -> float:
+    """What the rows that would be kept have of the independence of all; 1 where it is not known."""
+    solver = Kinematics(ideal)
+    try:
+        found = states(ideal, AXES_SAMPLES, solver=solver)
+    except HamelError:
+        return 1.0
+    if not len(found.t):
+        return 1.0
+    A = solver.rows(found.t, found.q, found.p)[0]
+    rows, every = A / row_lengths(A)[:, None], range(len(ideal.rows))
+    return share(rows, independent(rows, every), every)

@@ -1,0 +1,105 @@
+"""Which rows of A are independent, and which of them are kept where some repeat others.
+
+Rows that repeat each other at every position need not do so in one way: which of them can be left
+out may change from place to place. The rows that are kept have to be independent wherever all of
+them have full rank.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from math import comb
+
+import numpy as np
+
+from derive.numerics import NONZERO
+from derive.states.limits import MOST_SETS, POOR, RANK, SINGULAR
+
+
+def independent(
+    rows: np.ndarray, candidates: Sequence[int], before: Sequence[int] = ()
+) -> tuple[int, ...]:
+    """Of the candidates among rows (states × rows × nv, of length at most one) those that add rank
+    at most of the states, first come first kept. Where these are nearly dependent at some state at
+    which all of them are not, other rows may be kept in their place: those `before` and as many
+    more, or without these where that is no better."""
+    first = _first(rows, candidates)
+    if len(first) == len(candidates) or share(rows, first, candidates) >= POOR:
+        return first
+    best = _best(rows, candidates, first, before)
+    if share(rows, best, candidates) >= POOR or not before:
+        return best
+    return _best(rows, candidates, best, ())
+
+
+def _best(
+    rows: np.ndarray, candidates: Sequence[int], first: tuple[int, ...], before: Sequence[int]
+) -> tuple[int, ...]:
+    """Of the sets looked at the one with the largest share, `first` before its equals."""
+    sets = [first, *_others(candidates, len(first), before)]
+    sets.append(_farthest(rows, candidates, len(first), before))
+    # rounded, so that ties go the same way on every machine
+    return max(sets, key=lambda kept: round(share(rows, kept, candidates), 3))
+
+
+def _others(
+    candidates: Sequence[int], rank: int, before: Sequence[int]
+) -> Iterator[tuple[int, ...]]:
+    """All sets of that many candidates with those `before` among them, while they are few."""
+    free, wanted = [i for i in candidates if i not in before], rank - len(before)
+    if wanted >= 0 and comb(len(free), wanted) <= MOST_SETS:
+        for more in combinations(free, wanted):
+            yield tuple(sorted((*before, *more)))
+
+
+def share(rows: np.ndarray, kept: Sequence[int], candidates: Sequence[int]) -> float:
+    """The least part, over regular states, that the kept rows have of the independence of all
+    candidates: σ_min of the former over the least σ of the latter that counts. One at best where
+    rows are left out that say nothing, √(r / n) where n rows say the same r times."""
+    if not kept or not len(rows):
+        return 1.0
+    every = np.linalg.svd(rows[:, list(candidates)], compute_uv=False)[:, len(kept) - 1]
+    own = np.linalg.svd(rows[:, list(kept)], compute_uv=False)[:, -1]
+    regular = every > SINGULAR * np.median(every)
+    return float(np.min(own[regular] / np.maximum(every[regular], NONZERO), initial=1.0))
+
+
+def _first(rows: np.ndarray, candidates: Sequence[int]) -> tuple[int, ...]:
+    """By Gram–Schmidt in the order given: a row that depends on earlier ones at a singular position
+    alone is kept."""
+    rest = rows.copy()
+    kept: list[int] = []
+    for i in candidates:
+        lengths = np.linalg.norm(rest[:, i], axis=1)
+        if np.sum(lengths > RANK) <= len(rest) / 2:
+            continue
+        kept.append(i)
+        rest = _without(rest, i, lengths)
+    return tuple(kept)
+
+
+def _farthest(
+    rows: np.ndarray, candidates: Sequence[int], rank: int, before: Sequence[int]
+) -> tuple[int, ...]:
+    """Those `before`, then row by row the one of which most is left at the state where least of it
+    is."""
+    rest = rows.copy()
+    kept: list[int] = []
+    for n in range(rank):
+        lengths = np.linalg.norm(rest, axis=2)
+        free = [i for i in candidates if i not in kept]
+        # rounded, so that ties go the same way on every machine
+        best = max(free, key=lambda i: round(float(np.min(lengths[:, i])), 6))
+        best = before[n] if n < len(before) else best
+        kept.append(best)
+        rest = _without(rest, best, lengths[:, best])
+    return tuple(sorted(kept))
+
+
+def _without(rest: np.ndarray, i: int, lengths: np.ndarray) -> np.ndarray:
+    """What is left of all rows beside row i."""
+    unit = rest[:, i] / np.where(lengths > RANK, lengths, 1.0)[:, None]
+    for _ in range(2):  # once more, for what roundoff left along it
+        rest = rest - (rest @ unit[:, :, None]) * unit[:, None, :]
+    return rest

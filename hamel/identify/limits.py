@@ -1,0 +1,30 @@
+"""What identification takes as zero, as settled and as enough, with unit and reason."""
+
+from __future__ import annotations
+
+# base
+VANISHES = 1e-10  # of a coefficient or a column, relative to the largest: what rounding leaves
+DEPENDS = 1e-8  # of a column that is scaled to one: what is left of it by those before it
+STATES = 60  # at least, and enough for three times as many equations as parameters
+ROUND = 1e-9  # a coefficient this near a whole number is one
+
+# estimate
+ROUNDS = 10  # of weights by residuals; they settle in two or three
+SETTLED = 1e-4  # of a standard deviation: far below what it is known to
+LIGHT = 1e-3  # of the least information: what a parameter that is not told is held to the file by
+MARGIN = 1e-9  # of a pseudo-inertia's own size: strictly inside, so that rounding stays there
+LEAST_WEIGHT = 1e-12  # of the largest residual: an equation without noise is not infinitely exact
+
+# excitation
+TRIES = 20  # random series, of which the best is improved
+STEPS = 15  # of the search
+POINTS = 12  # of time per harmonic, where the motion is judged
+ROOM = 0.95  # of the way to a limit
+
+# measured
+ORDER = 4  # of the Butterworth filter, that runs forwards and backwards
+POWER = 0.999  # of the coordinates' power lies below the frequency that the cutoff is taken from
+ABOVE = 5.0  # the cutoff is so many times that frequency
+NYQUIST = 0.4  # and at most this part of the sampling rate
+EVEN = 1e-3  # of a time step: what steps may differ
+LEAST = 20  # rows

@@ -1,0 +1,19 @@
+"""What pages of the linear motion take as zero, as equal and as enough, with unit and reason."""
+
+from __future__ import annotations
+
+# page
+MAP = 25  # values of each name in a map that is made for the page
+STRONGEST = 8  # parameters named for each mode
+GROWING = 1e-9  # a real part (1/s) above this grows
+NOTHING = 1e-12  # a constant of the motion below this is zero
+ROUNDOFF = 1e-13  # of the largest entry: an entry below this is zero
+REAL = 1e-9  # of its size: a slope with less of an imaginary part is real
+
+# words
+SEEN = 0.01  # relative amplitude below which a coordinate is not mentioned
+SAME = 1e-9  # of an eigenvalue: a smaller part of it is zero
+
+# ranges
+COUNT = 101  # values of a range that does not say how many
+MOST = 1_000_000  # values in one sweep

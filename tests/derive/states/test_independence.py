@@ -1,0 +1,110 @@
+"""Rows that are kept where others repeat them are independent wherever all rows have full rank.
+
+Of derive.states: axes, independence.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hamel
+from derive.choices.survey import Survey, survey_of
+from derive.formulations import equations
+from derive.mechanics.records import System
+from derive.model import load
+from derive.states import system
+from derive.states.independence import independent, share
+from derive.states.limits import POOR
+from hamel.verify.checks import QUICK
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence, results
+
+FINDINGS = Path(__file__).resolve().parents[2] / "findings"
+TWICE = """model: twice
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies:
+  a: {mass: 1, com: [0.3, 0.1], inertia: 0.1}
+  b: {mass: 2, com: [0.2, 0], inertia: 0.2}
+joints:
+  A: {type: revolute, parent: ground, child: a}
+  B: {type: revolute, parent: a, child: b, at: [0.4, 0]}
+closures:
+  C: {type: revolute, between: [a, b], at: [[0.4, 0.3], [0, 0.3]]}
+initial: {A: 0.3, guess: {B: 0}}
+"""
+
+
+def surveyed(tmp_path: Path, text: str) -> Survey:
+    (tmp_path / "m.yaml").write_text(text)
+    return survey_of(system(load(tmp_path / "m.yaml")))
+
+
+def whole_share(survey: Survey) -> float:
+    s = survey.many
+    A = survey.solver.rows(s.t, s.q, s.p)[0]
+    return share(A / np.linalg.norm(A, axis=2).max(), survey.kept, range(A.shape[1]))
+
+
+def failed(mechanics: System) -> list[str]:
+    seen = evidence(reference(mechanics.model), equations(mechanics), None, 6)
+    return [check.name for check in results(seen, QUICK) if not check.passed]
+
+
+def turning(count: int) -> np.ndarray:
+    """Two rows that say one thing: along axes that turn, each of them says nothing somewhere."""
+    angle = np.linspace(0.0, 3.0, count)
+    rows = np.zeros((count, 3, 4))
+    rows[:, 0, 0], rows[:, 1, 0] = np.cos(angle), np.sin(angle)
+    rows[:, 2, 1] = 1.0
+    return rows
+
+
+def test_share_is_the_part_that_is_left_at_the_worst_state() -> None:
+    rows = turning(100)
+    assert share(rows, (0, 2), (0, 1, 2)) < 0.02
+    assert share(rows, (2,), (2,)) == 1.0
+
+
+def test_rows_that_came_first_stay_where_they_serve() -> None:
+    rows = np.tile(np.eye(3), (5, 1, 1))[:, [0, 0, 1]]
+    assert independent(rows, range(3)) == (0, 2)
+
+
+@pytest.mark.parametrize("before", [(), (0,)])
+def test_others_are_kept_where_the_first_fail(before: tuple[int, ...]) -> None:
+    """Even where rows that ought to come before others fail themselves."""
+    rows = turning(100)
+    rows[:, 1, 0] = 1.0
+    assert independent(rows, range(3), before) == (1, 2)
+
+
+def test_points_meet_along_axes_in_which_one_row_repeats_everywhere(tmp_path: Path) -> None:
+    """Along the ground's neither row is of use all the way round."""
+    survey = surveyed(tmp_path, TWICE)
+    assert survey.rank == 1
+    assert [x.along for x in survey.system.model.closures] == [0]
+    assert whole_share(survey) > POOR
+    assert failed(survey.system) == []
+
+
+def test_reactions_along_the_ground_stay_there(tmp_path: Path) -> None:
+    survey = surveyed(tmp_path, TWICE + "outputs: {pin: reaction(C)}\n")
+    assert [x.along for x in survey.system.model.closures] == [-1]
+
+
+def test_a_motion_goes_on_where_the_ground_s_axes_fail() -> None:
+    """It made thousands of steps, and stopped."""
+    mechanics = system(load(FINDINGS / "rnd21.yaml"))
+    assert [x.along for x in mechanics.model.closures] == [0]
+    assert whole_share(survey_of(mechanics)) > POOR
+
+
+@pytest.mark.slow
+def test_steps_are_as_long_as_elsewhere() -> None:
+    """A hundred where a module of several choices took eight hundred, and one alone stopped."""
+    found = hamel.simulate(FINDINGS / "rnd21.yaml", time=1.0, step=0.5, rtol=1e-9)
+    assert found.simulation.steps < 200

@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "09428057670ddf9914e7a9f25732059c"
+PROGRAM = "cc948432a0acc3bb8edb9e37a813fe63"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 1, 7
 DEFAULTS = np.array([0.2, 0.5, 0.4, 0.55, 1.0, 2.5, 2.0], dtype=float)

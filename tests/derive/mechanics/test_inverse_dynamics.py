@@ -25,6 +25,8 @@ TREES = sorted(
     {path.stem for path in MODELS.glob("*.yaml")} | {path.name for path in ROBOTS.glob("*.urdf")}
 )
 
+QUICK = ("stanford_arm", "bicycle", "four_bar", "arm.urdf", "quadruped.urdf")
+
 
 def mechanics_of(name: str, constants: str) -> System:
     if name.endswith(".urdf"):
@@ -52,7 +54,10 @@ def both(s: System) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("constants", ["all", ""])
-@pytest.mark.parametrize("name", TREES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(x, marks=[] if x in QUICK else pytest.mark.slow) for x in TREES],
+)
 def test_the_forces_are_those_of_plain_newton_euler(name: str, constants: str) -> None:
     s = mechanics_of(name, constants)
     plain, few = both(s)

@@ -14,7 +14,7 @@ PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exu
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report reference pages targets target-speed embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
+.PHONY: demo report reference gallery docs links book pages targets target-speed embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -92,6 +92,10 @@ bench-page:
 reference: $(VENV)/.run-time
 	$(HAMEL) schema --page > docs/reference/language.md
 
+# Figures and page of models/gallery.
+gallery: $(VENV)/.run-time
+	$(BIN)/python benchmarks/gallery.py
+
 # The figures of docs/report.md from build/report/report.json and build/whole.json.
 report-page: $(VENV)/.test
 	$(BIN)/python benchmarks/report_page.py
@@ -145,6 +149,19 @@ $(ROBOTS)/.ready: pyproject.toml
 	@$(ROBOTS)/bin/python -m pip install --quiet --disable-pip-version-check --editable . 'pin>=4' example-robot-data 'mujoco>=3' exudyn
 	@touch $@
 
+# The documentation site: code of its pages is run, links within it are checked, a warning is an error.
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -b html -W --keep-going -q -d build/docs/doctrees docs build/docs/site
+	@echo "Read   build/docs/site/index.html"
+
+# The links of the site to other places, by the network.
+links: $(VENV)/.docs
+	$(BIN)/python -m sphinx -b linkcheck -q -d build/docs/doctrees docs build/docs/links
+
+# A book with a chapter for every model of the repository: pages, and a PDF where a Chromium is installed.
+book: $(VENV)/.run-time
+	$(HAMEL) book models/*.yaml --title "Mechanisms" -o build/book
+
 # Every page of every model in Chromium, at two widths: build/pages.json; a part of it as in make pages MODELS="four_bar bicycle".
 pages: $(VENV)/.test
 	$(BIN)/python benchmarks/pages.py $(MODELS)
@@ -166,6 +183,11 @@ $(VENV)/.run-time: pyproject.toml | $(BIN)/pip
 $(VENV)/.test: pyproject.toml | $(BIN)/pip
 	@echo "installing hamel and its test tools into $(VENV)"
 	@$(PIP) --editable '.[test]'
+	@touch $@ $(VENV)/.run-time
+
+$(VENV)/.docs: pyproject.toml | $(BIN)/pip
+	@echo "installing hamel and what builds its documentation into $(VENV)"
+	@$(PIP) --editable '.[docs]'
 	@touch $@ $(VENV)/.run-time
 
 $(BIN)/pip:

@@ -1,7 +1,7 @@
 """make robots: every URDF of the PyPI package example-robot-data, imported and compared with
 Pinocchio.
 
-Mass matrix, bias and forward dynamics at random states, relative to the largest entry. Each robot
+Mass matrix, bias, forward dynamics, derivatives and frames at random states, relative to the largest entry. Each robot
 with its root link fixed and with a free root. Where joints mimic others, Pinocchio's tree is
 projected on the independent joints here.
 """
@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from xml.etree import ElementTree
 
 import casadi as ca
 import numpy as np
+from robot_slopes import slopes
 
 from codegen.passes import program
 from derive.diagnostics import HamelError
@@ -35,6 +37,7 @@ from derive.states import system
 from derive.states.sampling import states
 
 STATES = 20
+SLOPES = 3  # of these, where frames and derivatives are compared as well
 TOLERANCE = 1e-9
 ILL_CONDITIONED = 1e8  # condition of the scaled mass matrix from which a state is drawn again
 COUNTED = 60  # velocities up to which the operations of dynamics are counted
@@ -96,9 +99,13 @@ def _compare(robot: RobotFile, report: Report) -> None:
     ours = {name: _function(derived, name) for name in ("mass", "bias", "dynamics", "state")} | {
         "S": _span(derived)
     }
+    with _timed(report, "slopes"):
+        beside = slopes(derived, peer, found.joints, ours["S"])
     rng = np.random.default_rng(1)
-    for _ in range(STATES):
-        _check_state(peer, ours, derived, rng, report)
+    for k in range(STATES):
+        x, u, s = _check_state(peer, ours, derived, rng, report)
+        if k < SLOPES:
+            beside.check(peer, s, x, u, partial(_note, report))
     worst = max(report.errors, key=lambda name: report.errors[name])
     if not report.errors[worst] <= TOLERANCE:
         report.verdict, report.reason = "wrong", f"{worst} differs by {report.errors[worst]:.1e}"
@@ -314,7 +321,7 @@ def _check_state(
     derived: Equations,
     rng: np.random.Generator,
     report: Report,
-) -> None:
+) -> tuple[np.ndarray, np.ndarray, State]:
     s = peer.regular_state(rng, report)
     u = rng.normal(size=len(derived.system.model.inputs)) * 10.0
     force = np.zeros(peer.model.nv)
@@ -329,6 +336,7 @@ def _check_state(
     _note(report, "mass", M[into], peer.mass(s))
     _note(report, "bias", h[peer.columns], peer.bias(s))
     _note(report, "dynamics", vdot[peer.columns], peer.acceleration(s, force))
+    return x, u, s
 
 
 def _note(report: Report, name: str, ours: np.ndarray, theirs: np.ndarray) -> None:

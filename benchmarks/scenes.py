@@ -11,6 +11,7 @@ from pathlib import Path
 import growth
 import numpy as np
 from derivatives import Slopes
+from frames import Hand
 from peers import (
     augmented,
     batched,
@@ -36,6 +37,7 @@ from targets import (
     CONTRACTION,
     DERIVATIVES,
     DERIVATIVES_BATCH,
+    FRAMES,
     INVERSE,
     LANES,
     MASS,
@@ -322,6 +324,7 @@ def panda() -> Iterator[Scene]:
     )
     yield _inverse(tree)
     yield _mass(tree)
+    yield _hand(tree, "panda_hand")
     yield from _slopes(tree)
     for name, measure in {
         "one Python call": python_call.one_at_a_time,
@@ -329,6 +332,17 @@ def panda() -> Iterator[Scene]:
         "a Python call of 10,000": python_call.many_at_once,
     }.items():
         yield Scene(name, "panda", list, {}, {}, called=partial(measure, tree.of))
+
+
+def _hand(tree: Tree, name: str) -> Scene:
+    """A frame of the robot file."""
+    file = robot(tree.name, robots())
+    peer = Peer(file, False, imported(file))
+    frame = peer.model.frames[peer.model.getFrameId(name)]
+    placement = np.column_stack([frame.placement.rotation, frame.placement.translation])
+    hand = Hand(tree.of, tree.text, name, frame.parentJoint, placement, tree.columns, tree.q)
+    peers: dict[str, Made] = {PINOCCHIO: hand.theirs}
+    return Scene(FRAMES, tree.name, hand.own, peers, ours.operations(tree.of, hand.function))
 
 
 def _slopes(tree: Tree) -> Iterator[Scene]:

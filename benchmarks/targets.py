@@ -15,6 +15,7 @@ class Target:
 
 SCALAR, BATCH, INVERSE, MASS = "dynamics", "dynamics batch", "inverse_dynamics", "mass"
 DERIVATIVES, DERIVATIVES_BATCH, CONTRACTION = "derivatives", "derivatives batch", "contraction"
+FRAMES = "pose and Jacobian"
 AUGMENTED, PYDY, PINOCCHIO, THROUGH_CASADI = (
     "augmented, CasADi SX",
     "SymPy Kane → PyDy C + LU",
@@ -49,6 +50,7 @@ TARGETS = (
     *(Target(SCALAR, f"chain{n}", BEST, 0.8) for n in CHAINS),
     Target(INVERSE, "panda", THROUGH_CASADI, 0.75),
     Target(MASS, "panda", THROUGH_CASADI, 0.75),
+    Target(FRAMES, "panda", PINOCCHIO, 0.2),
     Target(DERIVATIVES, "panda", PINOCCHIO, 0.14),
     Target(DERIVATIVES_BATCH, "panda", PINOCCHIO, 0.05),
     Target(DERIVATIVES, "humanoid", PINOCCHIO, 0.3),

@@ -2,7 +2,8 @@
 
 With J, J̇ v of the hand and M, b of the arm, all generated, tau = Jᵀ Λ (a − J̇ v) + b with
 Λ = (J M⁻¹ Jᵀ)⁻¹ gives the hand the acceleration a; what is left of the arm is damped where the hand
-does not feel it (O. Khatib, IEEE J. Robotics Automation 3, 1987). Run it in the repository:
+does not feel it (O. Khatib, IEEE J. Robotics Automation 3, 1987). The arm is Panda, which has a
+joint more than its hand needs. Run it in the repository:
 python examples/operational_space.py
 """
 
@@ -17,9 +18,9 @@ import numpy as np
 
 import hamel
 
-MODEL = Path(__file__).resolve().parent.parent / "models" / "stanford_arm.yaml"
-HAND = "flange"
-START = [0.35, 1.75, 0.5, 0.5, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]  # at rest
+MODEL = Path(__file__).resolve().parent / "panda.yaml"
+HAND = "panda_hand_tcp"
+START = [0.3, -0.4, 0.2, -2.1, 0.1, 1.8, 0.7, *(7 * [0.0])]  # at rest
 RATE, DAMPING, STEP = 6.0, 4.0, 2e-3
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from derive.robots import Floating, RobotFile
     from hamel.api import (
         base_parameters,
+        book,
         build,
         check,
         choices,
@@ -46,6 +47,7 @@ __all__ = [
     "Model",
     "RobotFile",
     "base_parameters",
+    "book",
     "build",
     "check",
     "choices",

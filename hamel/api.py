@@ -194,8 +194,9 @@ def simulate(
     kind); or a function f(t, x) of all, called every `sample` seconds (or at these times) and
     kept until the next, or, without, wherever the integrator wants it. `events` are functions
     f(t, x) by name, or hamel.Event(f, direction, stop), whose changes of sign are found like those
-    of the model's own. `view` is a page FILE.html with the mechanism moving. `start` is the first
-    time, `time` the last. `real` is what the code computes in, float64 or float32.
+    of the model's own. `view` is a page FILE.html with the mechanism moving, or a picture FILE.svg
+    of a planar one. `start` is the first time, `time` the last. `real` is what the code computes
+    in, float64 or float32.
     """
     from hamel.simulate.compiled import Feed, Places, Rows, simulation
     from hamel.simulate.method import Method
@@ -417,6 +418,7 @@ def derive(
     formulation: str = "quasi_velocities",
     road: Sequence[str] = ("block_inversion",),
     pdf: bool = False,
+    live: bool = False,
 ) -> records.Derived:
     """Write the derivation as derivation.html and derivation.tex into `out` (default: the current
     folder).
@@ -424,11 +426,35 @@ def derive(
     `road` names one way to the equations without multipliers, or two that are put side by side:
     block_inversion, maggi, kane, boltzmann_hamel, gibbs_appell, multipliers, udwadia_kalaba. Raises
     AssumptionError where the model cannot take it. With `pdf` derivation.pdf is typeset as well, by
-    pdflatex; raises ToolchainError where there is none.
+    pdflatex; raises ToolchainError where there is none. A `live` page carries the module as
+    WebAssembly, with sliders for parameters, initial values and inputs; raises ToolchainError where
+    nothing compiles for it.
     """
     from hamel.verbs.derive import run
 
-    return run(path, choice, Path(out or "."), formulation, road, pdf)
+    return run(path, choice, Path(out or "."), formulation, road, pdf, live)
+
+
+def book(
+    paths: Model | Sequence[Model],
+    *,
+    out: str | Path = "book",
+    title: str = "Mechanisms",
+    pdf: bool = True,
+    workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> records.Bound:
+    """Write a book with a chapter for every model into the folder `out`: by topic, from energies to
+    rolling in space, each with objectives, figure, derivation, a motion, what its accuracy costs,
+    and exercises whose solutions the module computes; contents and an index.
+
+    With `pdf` it is also printed, where a Chromium is installed. Chapters are made in as many
+    processes as `workers` (as many as cores when None). Raises ModelError where two models have one
+    name or none has a chapter.
+    """
+    from hamel.verbs.book import run
+
+    return run(_models(paths), Path(out), title, pdf, workers, progress)
 
 
 def draw(path: Model, *, out: str | Path | None = None) -> records.Drawn:

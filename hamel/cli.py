@@ -251,7 +251,11 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
 @REAL
 @click.option("-o", "--out", metavar="FILE", help="Write the motion to FILE.csv, .npz or .parquet.")
 @click.option("--plot", metavar="FILE", help="Draw the motion to FILE.svg.")
-@click.option("--view", metavar="FILE", help="Show the mechanism moving in the page FILE.html.")
+@click.option(
+    "--view",
+    metavar="FILE",
+    help="Show the mechanism moving in the page FILE.html, or the picture FILE.svg.",
+)
 def simulate(
     model: str, settings: Sequence[str], inputs: Sequence[str], conserve: str, **options: Any
 ) -> Any:
@@ -607,6 +611,12 @@ def linearize(
 @click.option(
     "--pdf", is_flag=True, help="Typeset derivation.pdf too, where pdflatex is installed."
 )
+@click.option(
+    "--live",
+    is_flag=True,
+    help="The page computes: sliders, the mechanism moving, numbers of every equation. It needs a "
+    "compiler for WebAssembly.",
+)
 def derive(model: str, road: str, **options: Any) -> Any:
     """Write the derivation of MODEL to read."""
     return hamel.derive(model, road=name_list(road), **options)
@@ -623,6 +633,24 @@ def derive(model: str, road: str, **options: Any) -> Any:
 def draw(model: str, out: str | None) -> Any:
     """Draw the mechanism of MODEL as a textbook does."""
     return hamel.draw(model, out=out)
+
+
+@verb
+@click.argument("models", nargs=-1, required=True, metavar="MODEL...")
+@click.option(
+    "-o", "--out", metavar="DIR", default="book", show_default=True, help="The folder of the book."
+)
+@click.option("--title", default="Mechanisms", show_default=True, metavar="TEXT", help="On top.")
+@click.option(
+    "--pdf/--no-pdf", default=True, help="Print book.pdf too, where a Chromium is installed."
+)
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: cores).")
+def book(models: Sequence[str], **options: Any) -> Any:
+    """Write a book with a chapter for every MODEL: derivation, motion, exercises with solutions."""
+    from hamel.progress import bar
+
+    with bar(1.0) as progress:
+        return hamel.book(models, progress=progress, **options)
 
 
 @verb

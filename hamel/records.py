@@ -181,6 +181,19 @@ class Derived:
 
 
 @dataclass(frozen=True)
+class Bound:
+    """A book. `chapters` are the models in its order, `refused` those without a chapter and why,
+    `pdf` is None where no browser could print it."""
+
+    folder: Path
+    contents: Path
+    chapters: tuple[str, ...]
+    refused: Mapping[str, str]
+    pages: int  # HTML files
+    pdf: Path | None
+
+
+@dataclass(frozen=True)
 class Drawn:
     """A figure of the mechanism. `moved`: coordinates that are drawn beside their initial values,
     which would hide something; `width` and `height` in pixels; `unnamed` labels are left out."""

@@ -16,7 +16,7 @@ from hamel.cli import main
 from tests.scenes import ROOT
 
 DOCS = Path(__file__).parent.parent / "docs"
-PAGES = sorted(DOCS.glob("*.md"))
+PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("tutorials/*.md")])
 
 
 def models() -> list:
@@ -97,3 +97,49 @@ def test_the_tests_that_the_methods_name_are_there() -> None:
     assert set(re.findall(r"`(test_\w+\.py)", table)) <= set(tests)
     for name in re.findall(r"::(\w+)`", table):
         assert any(f"def {name}(" in text for text in tests.values())
+
+
+@pytest.fixture
+def execution(monkeypatch: pytest.MonkeyPatch):
+    """What runs the pages of the site when it is built."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    return importlib.import_module("execution")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+@pytest.mark.parametrize("page", ["tutorials/sled.md", "tutorials/four_bar.md", "motions.md"])
+def test_what_the_pages_of_the_site_show_is_so(execution, page: str, tmp_path: Path) -> None:
+    assert page in execution.EXECUTED
+    assert execution.failure(DOCS / page, tmp_path / "page") == ""
+
+
+@pytest.mark.parametrize(
+    ("block", "why"),
+    [
+        ("```sh\nfalse\n```\n", "'false' ends with code 1\n"),
+        ("```console\n$ echo 1.25\n1.26\n```\n", "'echo 1.25' says\n1.25\nand the page"),
+        ("```python\nraise SystemExit(3)\n```\n", "'its program' ends with code 3\n"),
+        ("```console\n$ echo 1.25\n1.…\n```\n", ""),
+        ("```yaml\nmodel: rod\n```\n```console\n$ cat rod.yaml\nmodel: rod\n```\n", ""),
+    ],
+)
+def test_a_page_that_shows_something_else_is_seen(execution, block, why, tmp_path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(block, "utf-8")
+    said = execution.failure(page, tmp_path / "folder")
+    assert said.startswith(why) and bool(said) is bool(why)
+
+
+def test_every_page_of_the_site_has_its_place() -> None:
+    """In the table of contents: four parts, and what belongs to them."""
+    index = (DOCS / "index.md").read_text("utf-8")
+    parts = re.findall(r"^:caption: (.*)$", index, re.MULTILINE)
+    assert parts[:1] + parts[1:2] == ["Tutorials", "How to"]
+    assert {"Tutorials", "How to", "Reference", "Explanation"} <= set(parts)
+    listed = set(re.findall(r"^[a-z][\w/-]*$", index, re.MULTILINE | re.IGNORECASE))
+    globbed = {"targets": "[a-z]*.md", "decisions": "0*.md"}
+    for page in DOCS.rglob("*.md"):
+        name = page.relative_to(DOCS).with_suffix("").as_posix()
+        wild = globbed.get(name.split("/")[0])
+        assert name == "index" or name in listed or (wild and page.match(wild)), name

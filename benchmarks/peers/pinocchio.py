@@ -114,6 +114,15 @@ def derivatives(tree: Path, inputs: np.ndarray, size: int, read: Read) -> Conten
     return Contender("Pinocchio C++", library, inputs, size, str(tree.resolve()), read)
 
 
+def frames(argument: str, inputs: np.ndarray, size: int) -> Contender:
+    """Pose and Jacobian of a frame by `computeFrameJacobian`."""
+    _check_headers()
+    library = compiled(
+        "pinocchio_frames", {HERE / "pinocchio_frames.cpp": ["-O3", *NATIVE, *FLAGS]}
+    )
+    return Contender("Pinocchio C++", library, inputs, size, argument)
+
+
 def loops_library() -> Path:
     """Those for closed loops."""
     _check_headers()

@@ -50,7 +50,8 @@ def left_out(manifest: dict[str, Any]) -> set[str]:
     others = {name: target["files"] for name, target in manifest["targets"].items()}
     own = others.pop(TARGETS[VERSION])
     rest = {file for files in others.values() for file in files} - set(own)
-    return {f"{NAME}_module.c", example, *rest}
+    bindings = {name for name in manifest["files"] if name.startswith("runtime_module")}
+    return {f"{NAME}_module.c", example, *bindings, *rest}
 
 
 def model_description(folder: pathlib.Path, sources: list[str]) -> str:

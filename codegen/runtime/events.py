@@ -10,8 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from .inputs import Callback
+from .simulation import Status
+
 EIGHTHS, MOST = 8, 64  # as in runtime_events.h
 ROOM = 64  # steps' worth of events that compiled code keeps until they are taken out
+MOST_EVENTS = 100_000  # of one motion
 GOLDEN = 0.3819660112501051
 # NAME_watch of NAME_simulate.h
 EVENTS = np.dtype(
@@ -50,7 +54,8 @@ class Watch:
         stops = [*(s for *_, s in own), *(event.stop for event in events.values())]
         _check(self.names, events, own)
         self.direction, self.stop = np.array(directions, "i"), np.array(stops, "i")
-        self.width, self.real, self.callback = width, real, None
+        self.width, self.real = width, real
+        self.callback: Callback | None = None
 
     def values(self, t: float, x: np.ndarray) -> list[float]:
         """Of the caller's functions, for compiled code."""
@@ -125,6 +130,12 @@ class Log:
             self.parts.append((t, x, which, np.full(t.size, row)))
         self.counts[row] = self.counts.get(row, 0) + t.size
         return self.counts[row]
+
+    def emptied(self, buffers: Buffers, place: int, row: int, status: int) -> Status:
+        """Takes out what happened; MORE where it was only the room that ended."""
+        count = self.take(buffers, place, row)
+        more = status == Status.FULL and count < MOST_EVENTS
+        return Status.MORE if more else Status(status)
 
     def arrays(self, width: int) -> list[np.ndarray]:
         """t, x, which and row of all, motion by motion."""

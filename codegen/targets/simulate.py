@@ -4,6 +4,7 @@ a compiler, in NumPy."""
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -74,14 +75,25 @@ STEPPED = ("jacobian_u", "jacobian_forward")  # what the sensitivity of a step c
 CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
 FOLDER = Path(__file__).parents[1] / "runtime"
 STEP = "runtime_step.h"  # for modules that have a step alone
-FMI = "runtime_fmi"  # headers of FMUs
-RUNTIME = tuple(p for p in sorted(FOLDER.glob("runtime_*.h")) if not p.name.startswith(FMI))
+OTHERS = ("runtime_fmi", "runtime_module")  # headers of FMUs and of the extension
+RUNTIME = tuple(p for p in sorted(FOLDER.glob("runtime_*.h")) if not p.name.startswith(OTHERS))
+# Python files that are the same in every folder
 SHARED = (
     "simulation",
     "inputs",
     "events",
     "error",
-)  # Python files that are the same in every folder
+    "runge_kutta",
+    "model_facts",
+    "simulate_face",
+    "one_motion",
+    "many_motions",
+    "numpy_motion",
+    "numpy_guards",
+    "numpy_changes",
+    "numpy_loop",
+)
+_BESIDE = re.compile(r"^from \.(?=[a-z])", re.MULTILINE)  # imports of each other
 KINDS: dict[type, str] = {
     Tableau: "explicit",
     Rosenbrock: "rosenbrock",
@@ -125,10 +137,7 @@ def files(program: Program) -> dict[str, str]:
         f"{program.name}_simulate.h": text.render("simulate.h.j2", **data),
         f"{program.name}_simulate.c": text.render("simulate.c.j2", **data),
         "_simulate.py": text.render("simulate.py.j2", tableaux=_tableaux(data["chosen"]), **data),
-        **{
-            f"_{name}.py": (FOLDER / f"{name}.py").read_text("utf-8")
-            for name in _python_files(program)
-        },
+        **{f"_{name}.py": _python_file(name) for name in _python_files(program)},
         **{path.name: recast(path.read_text("utf-8"), program.real) for path in _runtime(program)},
     }
 
@@ -137,12 +146,17 @@ def _python_files(program: Program) -> tuple[str, ...]:
     return (*SHARED, *(("steps",) if program.steppers else ()))
 
 
+def _python_file(name: str) -> str:
+    """A file of the runtime as it stands in a folder, where the names of all begin with _."""
+    return _BESIDE.sub("from ._", (FOLDER / f"{name}.py").read_text("utf-8"))
+
+
 def _runtime(program: Program) -> list[Path]:
     return [path for path in RUNTIME if program.steppers or path.name != STEP]
 
 
-def _tableaux(chosen: Sequence[Integrator]) -> list[dict[str, object]]:
-    return [_python(x) for x in chosen if isinstance(x, Tableau)]
+def _tableaux(chosen: Sequence[Integrator]) -> dict[str, dict[str, object]]:
+    return {x.name: _python(x) for x in chosen if isinstance(x, Tableau)}
 
 
 def _data(program: Program) -> dict[str, Any]:
@@ -177,6 +191,8 @@ def _data(program: Program) -> dict[str, Any]:
         "tight": TIGHT,
         "staged": [name for name in program.enforcements if name in CHARTS],
         "rows": rows,
+        "lengths": _lengths(program, has, rows),
+        "guards": [chart.guards for chart in charts] or [rows["guards"]],
         "lanes": side_by_side(program),
         "nq": nq,
         "turn": _turn(program.real),
@@ -221,6 +237,16 @@ def _rows(program: Program, sizes: Mapping[str, int]) -> dict[str, int]:
     rows = {name: sizes.get(name, 0) for name in named}
     closure = _labels(program, "closure")
     return {**rows, "closing": sum(label in closure for label in _labels(program, "slip"))}
+
+
+def _lengths(program: Program, has: Mapping[str, bool], rows: Mapping[str, int]) -> dict[str, int]:
+    """Of the results that the loop in NumPy asks for, 0 where it does not."""
+    return {
+        "velocity": rows["velocity"],
+        "constraints": rows["constraints"],
+        "power": int(has["power"]),
+        "project": len(program.argument("x").names) if has["project"] else 0,
+    }
 
 
 def _flags(
@@ -490,8 +516,6 @@ def _python(tableau: Tableau) -> dict[str, object]:
         return "[" + ", ".join(number(value) for value in values) + "]"
 
     return {
-        "name": tableau.name,
-        "order": tableau.order,
         **dict(zip(("grow", "damp", "safety"), _control(tableau))),
         "c": numbers(tableau.c),
         "a": [numbers(row) for row in tableau.a],

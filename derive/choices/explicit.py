@@ -24,9 +24,9 @@ from derive.expressions.counting import alternatives, instructions
 from derive.expressions.deferred import Deferred, Term, is_deferred
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import dot, is_zero, minus, plus
-from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.articulated import tree_solution
 from derive.mechanics.forms import Form
+from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Inertia, Named, System
 from derive.mechanics.solve import ldl_solution, scalars
@@ -158,8 +158,8 @@ def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
         return []
     rotors = _entries(ca.densify(ca.diag(system.M_extra)))
     found: list[_Gathered] = []
+    force = _forces_on_tree(system, reduction)
     for label, inertias in _inertias(system):
-        force = _forces_on_tree(system, reduction, inertias)
         wdot = _column(tree_solution(system.links, inertias, rotors, force).vdot)
         found.append(_Gathered(f"articulated bodies{label}", None, force, wdot))
     return found
@@ -176,13 +176,10 @@ def _is_diagonal(M: ca.SX) -> bool:
     return not beside or all(is_zero(x) for x in ca.vertsplit(M.nz[beside]))
 
 
-def _forces_on_tree(system: System, reduction: Reduction, inertias: tuple[Inertia, ...]) -> Vector:
+def _forces_on_tree(system: System, reduction: Reduction) -> Vector:
     """Q − h by Newton–Euler with v̇ = 0."""
-    v = _entries(reduction.v)
-    wrenches = newton_euler(system.links, inertias, v, [0.0] * len(v), system.gravity)
-    return _by_joints(
-        system, reduction, _at(system, reduction, system.Q - system.h_extra), wrenches
-    )
+    Q = _at(system, reduction, system.Q - system.h_extra)
+    return _by_joints(system, reduction, Q, ca.SX.zeros(system.v.numel()))
 
 
 def _column(entries: Vector) -> ca.SX:
@@ -223,15 +220,12 @@ def _forces(system: System, reduction: Reduction) -> dict[str, Vector]:
         system.M_extra, reduction.sigma
     )
     applied = ca.mtimes(reduction.S.T, Q)
-    result: dict[str, Vector] = {}
-    v, sigma = _entries(reduction.v), _entries(reduction.sigma)
+    result = {"forces by joints": _by_joints(system, reduction, Q, reduction.sigma)}
     for label, inertias in _inertias(system):
-        wrenches = newton_euler(system.links, inertias, v, sigma, system.gravity)
-        result[f"forces by joints{label}"] = _by_joints(system, reduction, Q, wrenches)
         if reduction.walked is None or not system.rows:
             continue
         wrenches = _wrenches(system, reduction.walked, inertias)
-        result[f"forces by joints from rates{label}"] = _by_joints(system, reduction, Q, wrenches)
+        result[f"forces by joints from rates{label}"] = _carried(system, reduction, Q, wrenches)
         by_links = _force_by_links(reduction, wrenches)
         result[f"forces by links{label}"] = [
             minus(applied[k], by_links[k]) for k in range(len(by_links))
@@ -243,7 +237,14 @@ def _entries(column: ca.SX) -> Vector:
     return [column[i] for i in range(column.numel())]
 
 
-def _by_joints(system: System, reduction: Reduction, Q: ca.SX, wrenches: list[Wrench]) -> Vector:
+def _by_joints(system: System, reduction: Reduction, Q: ca.SX, vdot: ca.SX) -> Vector:
+    """Sᵀ (Q − M v̇ − h) of the links at v of the choice."""
+    motion = _entries(reduction.v), _entries(vdot)
+    inertial = _column(joint_forces_of_motion(system.links, *motion, system.gravity))
+    return _entries(ca.mtimes(reduction.S.T, Q - inertial))
+
+
+def _carried(system: System, reduction: Reduction, Q: ca.SX, wrenches: list[Wrench]) -> Vector:
     inertial = _column(joint_forces(system.links, wrenches, system.v.numel()))
     return _entries(ca.mtimes(reduction.S.T, Q - inertial))
 

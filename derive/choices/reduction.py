@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from math import prod
 
 import casadi as ca
+import numpy as np
 
 from derive.choices.elimination import Elimination, Step, elimination, transformation
 from derive.choices.limits import SINGULAR
 from derive.choices.records import Frame, Guard
+from derive.mechanics.limits import COFACTORS
 from derive.mechanics.records import RowForm, System
+from derive.states.closing import Kinematics
 from derive.states.sampling import States
 
 
@@ -63,7 +66,9 @@ def by_elimination(
         v=ca.vertcat(*found.v) if found.v else ca.SX(0, 1),
         sigma=ca.vertcat(*found.sigma) if found.sigma else ca.SX(0, 1),
         walked=found,
-        guards=tuple(_guard(found, step) for step in found.steps if step.block.grade == 2),
+        guards=tuple(
+            _guard(system, found, step, sampled) for step in found.steps if step.block.grade == 2
+        ),
         pivots=tuple(_in_words(system, found, step) for step in found.steps),
         kept=kept,
         constant_pivots=all(step.block.grade < 2 for step in found.steps),
@@ -92,15 +97,17 @@ def _matrix(speeds: Sequence[RowForm], nv: int) -> ca.SX:
     return B
 
 
-def _guard(found: Elimination, step: Step) -> Guard:
+def _guard(system: System, found: Elimination, step: Step, sampled: States) -> Guard:
     """|pivot| against SINGULAR of its largest value at the sampled states."""
     names = ", ".join(found.row_names[i] for i in step.rows)
-    return Guard(
-        f"pivot of {names}",
-        ca.SX(step.pivot),
+    pivot = ca.SX(step.pivot)
+    if len(step.rows) > COFACTORS:
+        sizes = Kinematics(system).values(pivot, sampled.t, sampled.q, sampled.p)
+        largest = float(np.max(np.abs(sizes)))
+    else:
         # the block was judged with rows of length one, the pivot in the code is not
-        SINGULAR * step.block.largest * prod(found.sizes[i] for i in step.rows),
-    )
+        largest = step.block.largest * prod(found.sizes[i] for i in step.rows)
+    return Guard(f"pivot of {names}", pivot, SINGULAR * largest)
 
 
 def _in_words(system: System, found: Elimination, step: Step) -> str:

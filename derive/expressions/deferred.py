@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, Generic, TypeVar, overload
+from typing import Any, Generic, TypeVar, cast, overload
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -33,10 +33,10 @@ class Term(Generic[T]):
     def __get__(self, record: Any, owner: type) -> T:
         if record is None:
             raise AttributeError(self._name)  # dataclasses ask the class for a default
-        value = vars(record)[self._name]
-        if isinstance(value, Deferred):
-            value = vars(record)[self._name] = value.make()
-        return value
+        own: dict[str, Any] = vars(record)
+        if isinstance(own[self._name], Deferred):
+            own[self._name] = cast("Deferred[T]", own[self._name]).make()
+        return own[self._name]
 
     def __set__(self, record: Any, value: T | Deferred[T]) -> None:
         vars(record)[self._name] = value

@@ -10,6 +10,7 @@ than a minus atom    = number [unit] | name | "der" "(" sum ")" | function "(" s
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Container, Mapping
@@ -63,6 +64,7 @@ def expression(
     return result
 
 
+@functools.lru_cache(maxsize=1024)
 def unit(text: str) -> Unit:
     """A unit on its own, such as `N*m`; "1" and "" are the plain number."""
     parser = _Parser(text, (), {}, False)

@@ -21,11 +21,10 @@ import casadi as ca
 
 from derive.formulations.functions import Motion, at_motion, is_unit
 from derive.formulations.structured import column, entries
-from derive.mechanics.accelerations import newton_euler
+from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.records import System
 from derive.mechanics.solve import ldl_solution, scalars
 from derive.mechanics.system import inertial_forces
-from derive.mechanics.tree import joint_forces
 
 
 @dataclass(frozen=True)
@@ -61,8 +60,7 @@ def _newton_euler(system: System, motion: Motion, vdot: ca.SX, mu: ca.SX) -> _Re
     forces = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot)
     value = forces + system.h_extra - system.Q
     still = [0.0] * mu.numel()
-    wrenches = newton_euler(system.links, system.inertias[-1], still, entries(mu), [0.0, 0.0, 0.0])
-    product = column(joint_forces(system.links, wrenches, mu.numel()))
+    product = column(joint_forces_of_motion(system.links, still, entries(mu), [0.0, 0.0, 0.0]))
     product = product + ca.mtimes(system.M_extra, mu)
     found = (at_motion(system, motion, x) for x in (value, product, system.M))
     return _Residual(vdot, mu, *found)

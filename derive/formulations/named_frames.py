@@ -52,6 +52,7 @@ def families(system: System, motion: Motion) -> tuple[Family, ...]:
     offered = [x for x in _QUANTITIES if motion.minimal is not None or not x.minimal]
     return (
         Family("pose", _POSE, lambda name: _pose(system, name)),
+        Family("pose_quaternion", _QUATERNION, lambda name: _pose_quaternion(system, name)),
         Family("pose_jacobian", _BOTH, lambda name: _pose_jacobian(system, motion, name)),
         *(_family(system, motion, x, written) for x in offered for written in _WRITTEN),
     )
@@ -88,6 +89,12 @@ _POSE = (
 )
 
 
+_QUATERNION = (
+    "pose of FRAME in seven numbers: its origin in the ground (m), then the unit quaternion "
+    "(w, x, y, z) of ground ← frame with its largest entry positive"
+)
+
+
 _BOTH = (
     "`pose_FRAME` and `jacobian_FRAME` in one: the 12 numbers of [R p], then the 6 × nv of J, row "
     "by row"
@@ -98,6 +105,15 @@ def _pose(system: System, name: str) -> Function:
     value = _matrix(_chain(system, name))
     result = Result("T", value, ("x", "y", "z"), (), matrix=True)
     return Function(f"pose_{name}", about_frame(_POSE, name), result)
+
+
+def _pose_quaternion(system: System, name: str) -> Function:
+    rows = mechanics.pose(_chain(system, name))
+    turn = mechanics.unit_quaternion([row[:3] for row in rows])
+    value = ca.vertcat(*(row[3] for row in rows), *turn)
+    labels = ("x", "y", "z", "qw", "qx", "qy", "qz")
+    result = Result("pq", value, labels, ("m", "m", "m", "1", "1", "1", "1"))
+    return Function(f"pose_quaternion_{name}", about_frame(_QUATERNION, name), result)
 
 
 def _matrix(frame: FrameChain) -> ca.SX:

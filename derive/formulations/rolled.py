@@ -20,6 +20,7 @@ from derive.mechanics.links import moved
 from derive.mechanics.records import Inertia, Link, System
 from derive.mechanics.recursion import Joint, Kind, Recursion, sweeps
 from derive.mechanics.templates import Formula, Key, check_own, formulas, written
+from derive.model.load_records import Exhaust
 
 Array = NDArray[np.float64]
 
@@ -108,6 +109,8 @@ def _check(system: System) -> None:
     rows, columns = system.M_extra.sparsity().get_triplet()
     if rows != columns:
         raise AssumptionError("inertia couples joints that do not follow each other")
+    if any(isinstance(load, Exhaust) for load in system.model.loads):
+        raise AssumptionError("a mass depends on t")
     if ca.depends_on(ca.diag(system.M_extra), ca.vertcat(system.q, system.t)):
         raise AssumptionError("a kinetic energy given by formula is not constant")
 

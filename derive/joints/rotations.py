@@ -128,8 +128,15 @@ def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
     """Σ aᵢ bᵢ, leaving out products with an exact zero."""
     total: Scalar | None = None
     for x, y in zip(a, b):
-        if not (is_zero(x) or is_zero(y)):
-            total = times(x, y) if total is None else plus(total, times(x, y))
+        if isinstance(x, ca.SX) or isinstance(y, ca.SX):
+            if is_zero(x) or is_zero(y):
+                continue
+            term = ca.SX.binary(ca.OP_MUL, x, y)
+        elif x == 0 or y == 0:
+            continue
+        else:
+            term = x * y
+        total = term if total is None else plus(total, term)
     return 0.0 if total is None else total
 
 

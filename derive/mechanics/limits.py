@@ -15,6 +15,9 @@ COFACTORS = 3  # rows up to which a block is inverted by cofactors
 MOST_REFLECTED = 16  # rows up to which all that is left may be solved by reflections
 GROWTH = 6.0  # an elimination that may let entries grow more than this gives way to reflections
 
+# moments
+NO_MOMENT = 1e-14  # what rounding leaves of moments of inertia, of the largest of them
+
 # system
 REGULAR = 1e-13  # least eigenvalue of a mass matrix with an inverse, of its largest
 MOST_ENTRIES = 2_500  # of M below the diagonal; beyond that only the O(n) recursions are of use

@@ -211,13 +211,21 @@ def inertia(symbols: Symbols, body: Body) -> Inertia:
     """Mass, first moment m c and tensor of a body about its own origin, in its frame: I_o = I_c + m
     (c·c 1 − c cᵀ), in kg, kg m, kg m².
 
-    The file's tensor is about the centre of mass, with products of inertia as entries of the matrix
-    (Ixy = −∫ x y dm).
+    The file's tensor is about the centre of mass, or about the origin and then taken as it is, with
+    products of inertia as entries of the matrix (Ixy = −∫ x y dm).
     """
     mass, com = symbols.scalar(body.mass), symbols.vector(body.com)
-    xx, yy, zz, xy, xz, yz = symbols.vector(body.inertia)
-    about_com = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-    return Inertia(mass, scaled(mass, com), matrix_sum(about_com, _steiner(mass, com)))
+    first = body.first_moment
+    moment = scaled(mass, com) if first is None else symbols.vector(first)
+    if body.about_origin is not None:
+        return Inertia(mass, moment, _tensor(symbols.vector(body.about_origin)))
+    about_com = _tensor(symbols.vector(body.inertia))
+    return Inertia(mass, moment, matrix_sum(about_com, _steiner(mass, com)))
+
+
+def _tensor(six: Vector) -> Matrix:
+    xx, yy, zz, xy, xz, yz = six
+    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 
 
 def _steiner(mass: Scalar, r: Vector) -> Matrix:

@@ -17,6 +17,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import casadi as ca
+
 from derive.expressions.counting import cheapest
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import (
@@ -27,6 +29,8 @@ from derive.joints.rotations import (
     inverse,
     matrix,
     merged,
+    minus,
+    plus,
     product,
     rotated,
     sum_of,
@@ -215,3 +219,32 @@ def _along_axes(frame: FrameChain, numbers: Numbers, written: str) -> Vector:
         point = [row[3] for row in pose(frame)]
         motion = sum_of(motion, cross(point, spin))
     return [*motion, *spin]
+
+
+def unit_quaternion(R: Matrix) -> Vector:
+    """(w, x, y, z) with the largest entry positive, of the row of 4 q qᵀ with the largest diagonal,
+    so that nothing is divided by less than one (Shepperd 1978)."""
+    rows = _products_of_quaternion(R)
+    sizes = [ca.SX(rows[k][k]) for k in range(4)]
+    largest = sizes[0]
+    for size in sizes[1:]:
+        largest = ca.fmax(largest, size)
+    chosen = [ca.SX(x) for x in rows[3]]
+    for k in (2, 1, 0):
+        chosen = [ca.if_else(sizes[k] >= largest, x, y) for x, y in zip(rows[k], chosen)]
+    divisor = 2.0 * ca.sqrt(largest)
+    return [x / divisor for x in chosen]
+
+
+def _products_of_quaternion(R: Matrix) -> Matrix:
+    """4 q qᵀ, from the entries of R."""
+    diagonal = [R[k][k] for k in range(3)]
+    result: Matrix = [[0.0] * 4 for _ in range(4)]
+    for k, signs in enumerate(((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))):
+        signed = [x if sign > 0 else minus(0.0, x) for sign, x in zip(signs, diagonal)]
+        result[k][k] = plus(1.0, plus(signed[0], plus(signed[1], signed[2])))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        result[0][i + 1] = result[i + 1][0] = minus(R[k][j], R[j][k])
+        result[i + 1][j + 1] = result[j + 1][i + 1] = plus(R[i][j], R[j][i])
+    return result

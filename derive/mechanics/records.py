@@ -162,7 +162,8 @@ class System:
     # what the motion balances: T + V or, where T = T₂ + T₁ + T₀ has terms linear in the rates or
     # free of them, Jacobi's integral T₂ − T₀ + V
     energy: Term[ca.SX] = Term()
-    # of what is in Q and not −∂V/∂q, and ∂(V − T)/∂t: d(energy)/dt = power + λᵀ c
+    # of what is in Q and not −∂V/∂q, ∂(V − T)/∂t of formulas, ∂(V + T)/∂t of bodies that lose mass:
+    # d(energy)/dt = power + λᵀ c
     power: Term[ca.SX] = Term()
     # equivalent sets: as given, and regrouped across the joints
     inertias: Term[tuple[tuple[Inertia, ...], ...]] = Term()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import combinations, islice
 
 import casadi as ca
@@ -89,8 +90,7 @@ def _back(b: Vector, A: Matrix, order: Sequence[int], weights: Sequence[dict[int
 @dataclass(frozen=True)
 class Block:
     """A pivot of one to three rows and columns, or all that is left, with |determinant| over the
-    samples; `grade` 0:
-    numbers, 1: the same at every sample, 2: varying."""
+    samples; `grade` 0: numbers, 1: the same at every sample, 2: varying."""
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
@@ -160,8 +160,9 @@ def _substituted(
 
 
 def small_inverse(A: Matrix) -> tuple[Matrix, Scalar]:
-    """Inverse and determinant of a 1 × 1, 2 × 2 or 3 × 3 matrix, by cofactors, and of a larger one
-    by reflections: regular wherever the determinant is, while single pivots may vanish."""
+    """Inverse and determinant of a 1 × 1, 2 × 2 or 3 × 3 matrix, by cofactors; of a larger one by
+    reflections, and what `reflected_solution` has in place of the determinant. Regular wherever
+    that is, while single pivots may vanish."""
     if len(A) > COFACTORS:
         return _inverse_by_reflections(A)
     if len(A) == 1:
@@ -187,9 +188,13 @@ def _inverse_by_reflections(A: Matrix) -> tuple[Matrix, Scalar]:
 
 
 def reflected_solution(A: Matrix, sides: Matrix) -> tuple[Matrix, Scalar]:
-    """X of A X = sides, with the determinant of A, by Householder's QR factorisation written out:
-    stable for every regular matrix without any choice of pivots. With more rows than columns X is
-    the least squares solution.
+    """X of A X = sides, by Householder's QR factorisation written out: stable for every regular
+    matrix without any choice of pivots. With more rows than columns X is the least squares
+    solution.
+
+    With it, and with the sign of the determinant, the least of the diagonal of R: what is left of a
+    column beside those before it, an estimate of how near A is to a singular matrix. The
+    determinant itself is a product of so many that it says nothing of that.
 
     Columns with few entries come first, so that reflections touch few rows.
     Source: A. S. Householder, J. ACM 5 (1958) 339–342.
@@ -205,7 +210,8 @@ def reflected_solution(A: Matrix, sides: Matrix) -> tuple[Matrix, Scalar]:
             determinant = -determinant
         determinant = times(rows[k][k], determinant)
     X = _upper_solution(rows[:n], n)
-    return [X[order.index(j)] for j in range(n)], determinant
+    least = reduce(ca.fmin, [ca.fabs(rows[k][k]) for k in range(n)])
+    return [X[order.index(j)] for j in range(n)], ca.copysign(least, determinant)
 
 
 def _sparsest_first(rows: Matrix, order: list[int], k: int) -> float:

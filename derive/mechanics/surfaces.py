@@ -56,7 +56,7 @@ def _slope_left(at: ca.Function, scene: Scene, start: np.ndarray) -> float | Non
         if not np.isfinite(size) or not np.isfinite(height[0]):
             return None
         if size == 0.0:
-            return 0.0 if height[0] == 0.0 else None
+            return 0.0
         move = height[0] * slope / size
         point, step = point - move, float(np.linalg.norm(move))
     return size**0.5 / first if step < FLAT_SURFACE else None

@@ -14,11 +14,11 @@ from derive.expressions.deferred import Deferred
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints import joint_type
 from derive.joints.rotations import is_zero
-from derive.mechanics.accelerations import newton_euler
 from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.blocks import blocks
 from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
+from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.limits import FEW, LONG, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
@@ -42,14 +42,11 @@ from derive.mechanics.states import energy_of_states, rates_of_states
 from derive.mechanics.symbols import Symbols, symbols
 from derive.mechanics.tree import (
     gravity_energy,
-    ground_positions,
-    ground_rotations,
-    joint_forces,
     kinetic_energy,
     mass_matrix,
     path,
-    twists,
 )
+from derive.model.load_records import Exhaust
 from derive.model.records import Model
 
 REST_NUMBERS: Numbers = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
@@ -100,7 +97,8 @@ def _assembled(
     loads, nonideal = forces
     tied = any(block.rows for block in found)
     written = _is_short(links, tied) or not nonideal.is_zero()
-    late = not written and not tied and len(links) >= LONG
+    lasting = not any(isinstance(load, Exhaust) for load in model.loads)
+    late = not written and not tied and lasting and len(links) >= LONG
     inertias = functools.cache(lambda: _inertias(links))
     M = _mass(links, inertias(), nv) + extra.M if written else ca.SX(nv, nv)
     A, c, beta = _rows(scene, [row for block in found for row in block.ways[0]])
@@ -112,15 +110,21 @@ def _assembled(
     zdot, stored = rates_of_states(scene), energy_of_states(scene)
 
     def bias() -> ca.SX:
-        return _newton_euler(links, inertias(), _entries(s.v), [0.0] * nv, g) + extra.h
+        forces = joint_forces_of_motion(links, _entries(s.v), [0.0] * nv, g)
+        return _column(forces) + extra.h
+
+    @functools.cache
+    def moving() -> ca.SX:
+        return ca.SX(kinetic_energy(links, scene.numbers))
 
     def kinetic() -> ca.SX:
-        return ca.SX(kinetic_energy(links, scene.numbers)) + extra.T
+        return moving() + extra.T
 
     def potential() -> ca.SX:
         lifted = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g))
         still = lifted + extra.V + loads.energy
         return still + stored if model.states else still
+
     # q̇ is linear in v, so its Jacobian is N itself
     N = ca.jacobian(scene.qdot, s.v)
     # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q
@@ -133,8 +137,9 @@ def _assembled(
         return total if extra.missing.is_zero() else total - extra.missing
 
     def power() -> ca.SX:
-        # of a long tree the links are left out: neither they nor gravity change with time
-        told = extra.V + loads.energy if late else V()
+        # of a long tree the links are left out: neither they nor gravity change with time. Where a
+        # mass depends on t, M v̇ has no part Ṁ v: what leaves takes ½ ṁ v² along
+        told = extra.V + loads.energy if late else V() + moving()
         given = ca.dot(loads.force, s.v) + ca.jtimes(ca.SX(told), s.t, ca.SX(1)) - extra.explicit
         return given + ca.jtimes(stored, s.z, zdot) if model.states else given
 
@@ -233,27 +238,16 @@ def _qdot(model: Model, s: Symbols) -> ca.SX:
     return ca.vertcat(*[rates[c.name] for c in model.coordinates])
 
 
-def _newton_euler(
-    links: Sequence[Link],
-    sets: Sequence[Sequence[Inertia]],
-    v: Sequence[Scalar],
-    vdot: Sequence[Scalar],
-    g: Vector,
-) -> ca.SX:
-    """The joint forces of a motion against gravity, from the cheapest of equivalent sets of
-    inertias."""
-    found = [
-        joint_forces(links, newton_euler(links, inertias, v, vdot, g), len(v)) for inertias in sets
-    ]
-    return ca.vertcat(*cheapest(found)) if v else ca.SX(0, 1)
-
-
 def inertial_forces(system: System, vdot: ca.SX) -> ca.SX:
     """M v̇ + h of the links alone, (nv × 1), by Newton–Euler: gravity is in it, but neither rotors
     nor the energies that a file gives by formula (M_extra, h_extra)."""
-    return _newton_euler(
-        system.links, system.inertias, _entries(system.v), _entries(vdot), system.gravity
+    return _column(
+        joint_forces_of_motion(system.links, _entries(system.v), _entries(vdot), system.gravity)
     )
+
+
+def _column(entries: Sequence[Scalar]) -> ca.SX:
+    return ca.vertcat(*entries) if entries else ca.SX(0, 1)
 
 
 def _rows(scene: Scene, rows: list[RowForm]) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from derive.expressions.tree import ONE, ZERO, Expression, Negative, Number, Product, Sum
+from derive.expressions.tree import ONE, ZERO, Expression, Negative, Number, Product, Quotient, Sum
 from derive.model.records import Vector3
 
 Rows = tuple[Vector3, Vector3, Vector3]
@@ -77,6 +77,20 @@ def turned_tensor(R: Rows, tensor: Rows) -> Rows:
     """R I Rᵀ, exactly symmetric."""
     half = product(R, tensor)
     return rows([[dot(half[min(i, j)], R[max(i, j)]) for j in AXES] for i in AXES])
+
+
+def over(vector: Vector3, divisor: Expression) -> Vector3:
+    """a / b, numbers folded and zeros kept."""
+    x, y, z = (_over(entry, divisor) for entry in vector)
+    return (x, y, z)
+
+
+def _over(a: Expression, b: Expression) -> Expression:
+    if a == ZERO:
+        return ZERO
+    if isinstance(a, Number) and isinstance(b, Number):
+        return constant(a.value / b.value)
+    return Quotient(a, b)
 
 
 def to_centre(tensor: Rows, mass: Expression, com: Vector3) -> Rows:

@@ -3,21 +3,29 @@ a body can exist."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
+from derive.expressions import tree
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.parser import expression
 from derive.expressions.tree import ZERO, Expression, Number
-from derive.model.algebra import Rows, rows, to_centre, turned_tensor
+from derive.model.algebra import Rows, over, rows, to_centre, turned_tensor
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import BodyEntry, InertiaEntry
 from derive.model.limits import INERTIA_SLACK
+from derive.model.load_records import Exhaust
 from derive.model.placements import rotation
 from derive.model.reader import Reader
-from derive.model.records import Body, Vector3
+from derive.model.records import Body, Load, Vector3
+from derive.model.scope import CONSTANT, INPUT, TIME
 
 Inertia = tuple[Expression, Expression, Expression, Expression, Expression, Expression]
 POINT_MASS: Inertia = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
 INERTIA_UNIT = "kg*m^2"
 ABOUT = ("com", "origin")
+JET = CONSTANT | {TIME, INPUT}  # what an exhaust velocity may be a formula of
 WAIVER = "physical: false takes it as it is"
 
 
@@ -30,26 +38,106 @@ def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
     `physical: false` an impossible inertia is taken as it is, and noted. An inertia without mass is
     that of a rotor whose mass is in another body, and is noted too.
     """
-    mass = reader.formula(entry.mass, "a mass", unit="kg")
-    com = reader.point(entry.com, "a centre of mass")
-    inertia = _inertia(reader, entry, mass, com)
+    allowed = _allowed(reader, key, entry)
+    mass = reader.formula(entry.mass, "a mass", allowed, "kg")
+    first = _first_moment(reader, entry, mass)
+    com = reader.point(entry.com, "a centre of mass") if first is None else over(first, mass)
+    inertia, about_origin = _inertia(reader, entry, mass, com, allowed)
     _check_mass(reader, key, entry, mass, inertia)
-    return Body(str(key), mass, com, inertia, key.span)
+    return Body(str(key), mass, com, inertia, key.span, first, about_origin)
 
 
-def _inertia(reader: Reader, entry: BodyEntry, mass: Expression, com: Vector3) -> Inertia:
+def _first_moment(reader: Reader, entry: BodyEntry, mass: Expression) -> Vector3 | None:
+    """As the file gives it, in kg m; a body without mass has none."""
+    if entry.first_moment is None:
+        return None
+    if entry.com is not None:
+        reader.report(
+            entry.first_moment.span, "a centre of mass and a first moment", "one of the two"
+        )
+        return None
+    if reader.value(mass, entry.mass) == 0.0:
+        reader.report(
+            entry.first_moment.span, "a first moment of a body without mass", "a mass above zero"
+        )
+        return None
+    if _uses_time(reader, entry.mass):
+        reader.report(
+            entry.first_moment.span,
+            "a first moment of a mass that depends on t",
+            "com:, its centre",
+        )
+        return None
+    return reader.point(entry.first_moment, "a first moment", unit="kg*m")
+
+
+def _allowed(reader: Reader, key: Key, entry: BodyEntry) -> frozenset[str]:
+    """Of which names mass and inertia may be formulas: of t only where it is said what leaves the
+    body. Else matter would vanish, and nobody could say with which momentum."""
+    if entry.exhaust is not None:
+        return CONSTANT | {TIME}
+    own = entry.inertia.tensor if isinstance(entry.inertia, InertiaEntry) else entry.inertia
+    for node in (entry.mass, *(own if isinstance(own, Items) else [own] if own else [])):
+        if _uses_time(reader, node):
+            reader.report(
+                node.span,
+                f"mass or inertia of '{key}' depends on t, and nothing says what leaves the body",
+                "exhaust: {velocity: […]}, the velocity relative to the body; zeros if let go",
+            )
+            return CONSTANT | {TIME}
+    return CONSTANT
+
+
+def _uses_time(reader: Reader, scalar: Scalar) -> bool:
+    try:
+        parsed = expression(scalar.text, reader.scope.symbols, reader.functions)
+    except FormulaError:
+        return False  # reported where it is read
+    names = [node.name for node in tree.walk(parsed) if isinstance(node, tree.Name)]
+    kinds = [reader.scope.symbols[name].kinds for name in names if name in reader.scope.symbols]
+    return any(TIME in kind for kind in kinds)
+
+
+def exhausts(reader: Reader, bodies: Mapping[Key, BodyEntry], found: Sequence[Body]) -> list[Load]:
+    """The thrust of each body that says what leaves it. A mass that does not depend on t is
+    reported: nothing leaves."""
+    loads: list[Load] = []
+    for (key, entry), body in zip(bodies.items(), found):
+        if entry.exhaust is None:
+            continue
+        if not _uses_time(reader, entry.mass):
+            reader.report(
+                key.span, f"'{key}' has an exhaust and a mass without t", "a mass of t, or none"
+            )
+        given = entry.exhaust
+        velocity = reader.point(given.velocity, "an exhaust velocity", "m/s", JET)
+        point = body.com if given.at is None else reader.point(given.at, "a point")
+        name = f"{key}_exhaust"
+        loads.append(Exhaust(name, str(key), body.mass, velocity, point, key.span))
+    return loads
+
+
+def _inertia(
+    reader: Reader,
+    entry: BodyEntry,
+    mass: Expression,
+    com: Vector3,
+    allowed: frozenset[str],
+) -> tuple[Inertia, Inertia | None]:
+    """About the centre of mass, and about the origin where the file gives that."""
     given = entry.inertia
     if given is None:
-        return POINT_MASS
+        return POINT_MASS, None
     if not isinstance(given, InertiaEntry):
-        return _moments(reader, given)
-    return _carried(reader, given, _moments(reader, given.tensor), mass, com)
+        return _moments(reader, given, allowed), None
+    return _carried(reader, given, _moments(reader, given.tensor, allowed), mass, com)
 
 
-def _moments(reader: Reader, node: Scalar | Items) -> Inertia:
+def _moments(reader: Reader, node: Scalar | Items, allowed: frozenset[str]) -> Inertia:
+    what = "a moment of inertia"
     if isinstance(node, Scalar):
-        return _one_moment(reader, reader.formula(node, "a moment of inertia", unit=INERTIA_UNIT))
-    entries = [reader.formula(entry, "a moment of inertia", unit=INERTIA_UNIT) for entry in node]
+        return _one_moment(reader, reader.formula(node, what, allowed, INERTIA_UNIT))
+    entries = [reader.formula(entry, what, allowed, INERTIA_UNIT) for entry in node]
     if reader.space.plane and len(entries) == 1:
         return _one_moment(reader, entries[0])
     if reader.space.plane or len(entries) not in (3, 6):
@@ -73,7 +161,7 @@ def _one_moment(reader: Reader, moment: Expression) -> Inertia:
 
 def _carried(
     reader: Reader, entry: InertiaEntry, given: Inertia, mass: Expression, com: Vector3
-) -> Inertia:
+) -> tuple[Inertia, Inertia | None]:
     """A tensor taken in a turned frame, or about the body's origin, as one about the centre of mass
     in the body's axes."""
     xx, yy, zz, xy, xz, yz = given
@@ -82,8 +170,8 @@ def _carried(
     if turned is not None and not reader.space.plane:
         tensor = turned_tensor(turned, tensor)
     if entry.about is not None and reader.word(entry.about, ABOUT, "point") == "origin":
-        tensor = to_centre(tensor, mass, com)
-    return _six(reader, tensor)
+        return _six(reader, to_centre(tensor, mass, com)), _six(reader, tensor)
+    return _six(reader, tensor), None
 
 
 def _six(reader: Reader, tensor: Rows) -> Inertia:
@@ -136,7 +224,8 @@ def _largest(reader: Reader, scalars: list[Scalar]) -> float:
     """Of the moments as they stand in the file: rounding in what they are moved to is small against
     it."""
     values = [
-        reader.value(reader.formula(scalar, "a moment of inertia"), scalar) for scalar in scalars
+        reader.value(reader.formula(scalar, "a moment of inertia", CONSTANT | {TIME}), scalar)
+        for scalar in scalars
     ]
     return max((abs(value) for value in values if value is not None), default=0.0)
 

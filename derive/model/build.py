@@ -130,6 +130,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         for key, scalar in document.outputs.items()
     )
     choices = motions.choices(reader, document)
+    found = tuple(bodies.body(reader, key, entry) for key, entry in document.bodies.items())
     model = Model(
         name=document.model.text,
         description=document.description.text if document.description else "",
@@ -141,7 +142,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         coordinates=names.coordinates,
         velocities=names.velocities,
         definitions=names.definitions,
-        bodies=tuple(bodies.body(reader, key, entry) for key, entry in document.bodies.items()),
+        bodies=found,
         joints=tuple(mechanism.joint(reader, frame) for frame in joints),
         closures=tuple(
             mechanism.closure(reader, document, key, entry)
@@ -151,7 +152,10 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
             _constraint(reader, document, names, key, entry)
             for key, entry in document.constraints.items()
         ),
-        loads=_loads(reader, document, joints, names),
+        loads=(
+            *_loads(reader, document, joints, names),
+            *bodies.exhausts(reader, document.bodies, found),
+        ),
         inputs=names.inputs,
         states=states.states(reader, document, names.states),
         outputs=outputs,

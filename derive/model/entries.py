@@ -17,6 +17,7 @@ from derive.model.keys import (
     Direction,
     Entry,
     Formula,
+    Formulas,
     Named,
     NameList,
     Nested,
@@ -120,11 +121,26 @@ Inertia = Annotated[
 ]
 
 
+class ExhaustEntry(Entry):
+    """What leaves a body whose mass depends on t: a rocket's gas, sand, water."""
+
+    velocity: Formulas = Field(
+        description="Relative to the body, in its frame; formulas of t, parameters and inputs. "
+        "Zeros for matter that is let go.",
+        json_schema_extra=term("u in the thrust ṁ u", "m/s"),
+    )
+    at: Constants | None = Field(
+        None,
+        description="Where it leaves, in the body's frame.",
+        json_schema_extra=term("the point that ṁ u acts on", "m", "the centre of mass"),
+    )
+
+
 class BodyEntry(Entry):
     """A rigid body."""
 
-    mass: Constant = Field(
-        description="Mass; 0 for a body without mass.",
+    mass: Formula = Field(
+        description="Mass; 0 for a body without mass. With `exhaust:` a formula of t, too.",
         json_schema_extra=term("m in T = ½ m ṙ·ṙ and V = −m g·r", "kg"),
     )
     com: Constants | None = Field(
@@ -132,12 +148,23 @@ class BodyEntry(Entry):
         description="Centre of mass in the body's frame.",
         json_schema_extra=term("r of the centre of mass", "m", "its origin"),
     )
+    first_moment: Constants | None = Field(
+        None,
+        description="Mass times centre of mass, in the place of `com`: with `inertia: {tensor: …, "
+        "about: origin}` the form in which equations are linear.",
+        json_schema_extra=term("m r of the centre of mass", "kg*m", "mass times `com`"),
+    )
     inertia: Inertia | None = Field(
         None,
         description="About the centre of mass: one moment in a planar model; in space one (a "
         "sphere), three (xx, yy, zz) or six (xx, yy, zz, xy, xz, yz, tensor entries); or a "
         "mapping that says which point and frame it refers to.",
         json_schema_extra=term("J in T = ½ ω·J ω", "kg*m^2", "0, a point mass"),
+    )
+    exhaust: ExhaustEntry | None = Field(
+        None,
+        description="What leaves the body where its mass, and its inertia, depend on t.",
+        json_schema_extra=term("a force ṁ u"),
     )
     physical: Word | None = Field(
         None,

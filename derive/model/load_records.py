@@ -109,6 +109,19 @@ class Torque:
 
 
 @dataclass(frozen=True)
+class Exhaust:
+    """Matter that leaves a body whose mass (kg) depends on t: at `point` (m) with `velocity` (m/s)
+    relative to the body, both in its frame."""
+
+    name: str
+    body: str
+    mass: Expression
+    velocity: Vector3
+    point: Vector3
+    span: Span
+
+
+@dataclass(frozen=True)
 class Wrench:
     """Force (N) at the origin of a named frame and moment (N m); components along the ground's axes
     or, `axes` = "frame", along the frame's."""

@@ -69,6 +69,8 @@ def _is_massless(reader: Reader, body: Body) -> bool:
 
 
 def _is_zero(formula: Expression, values: Mapping[str, float]) -> bool:
+    if any(isinstance(n, Name) and n.name not in values for n in tree.walk(formula)):
+        return False  # it depends on t
     try:
         return number(formula, values, "") == 0.0
     except FormulaError:

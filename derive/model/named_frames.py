@@ -23,6 +23,7 @@ ON_AXES = ("jacobian", "jdot_v", "frame_velocity", "frame_acceleration")
 IN_QUASI_VELOCITIES = ("jacobian_w", "jdot_w")
 FAMILIES = (
     "pose",
+    "pose_quaternion",
     "pose_jacobian",
     *(name + axes for name in (*ON_AXES, *IN_QUASI_VELOCITIES) for axes in AXES),
 )

@@ -135,13 +135,19 @@ class Measure:
 @dataclass(frozen=True)
 class Body:
     """Mass (kg), centre of mass (m, body frame), inertia (kg m², entries xx, yy, zz, xy, xz, yz
-    about the centre of mass)."""
+    about the centre of mass).
+
+    `first_moment` (kg m) and `about_origin` (kg m², the same entries) where the file gives these:
+    they are then what equations are made of, and the others follow.
+    """
 
     name: str
     mass: Expression
     com: Vector3
     inertia: tuple[Expression, Expression, Expression, Expression, Expression, Expression]
     span: Span
+    first_moment: Vector3 | None = None
+    about_origin: tuple[Expression, ...] | None = None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import types
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
 from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, Function
 from derive.expressions.units import UNITS, compound
@@ -273,14 +273,14 @@ def _uses(value: Any) -> Iterator[tuple[type[Entry], str, Any]]:
     """Keys that are given, in an entry and in all that it holds."""
     if isinstance(value, Entry):
         for name in _given(value):
-            inner = getattr(value, name)
+            inner: Any = getattr(value, name)
             yield type(value), name, inner
             yield from _uses(inner)
     elif isinstance(value, dict):
-        for inner in value.values():
+        for inner in cast("dict[str, Any]", value).values():
             yield from _uses(inner)
     elif isinstance(value, list):
-        for inner in value:
+        for inner in cast("list[Any]", value):
             yield from _uses(inner)
 
 
@@ -301,11 +301,12 @@ def _flow(value: Any) -> str:
     if isinstance(value, Scalar):
         return value.text
     if isinstance(value, Items | list):
-        return f"[{', '.join(map(_flow, value))}]"
+        return f"[{', '.join(map(_flow, cast('list[Any]', value)))}]"
     if isinstance(value, Entry):
         value = {name: getattr(value, name) for name in _given(value)}
     if isinstance(value, dict):
-        return f"{{{', '.join(f'{key}: {_flow(inner)}' for key, inner in value.items())}}}"
+        entries = cast("dict[str, Any]", value)
+        return f"{{{', '.join(f'{key}: {_flow(inner)}' for key, inner in entries.items())}}}"
     return str(value)
 
 

@@ -42,7 +42,7 @@ WORDS = frozenset(
 )
 READERS = frozenset({"about", "description", "source"})
 _BRACES = re.compile(r"\{([^{}]*)\}")
-_RANGE = re.compile(r"\s*([+-]?\d{1,9})\s*\.\.\s*([+-]?\d{1,9})\s*\Z")
+_RANGE = re.compile(r"\s*([+-]?\d{1,18})\s*\.\.\s*([+-]?\d{1,18})\s*\Z")
 _OPEN = re.compile(r"\s*[+-]?\d+\s*\.\.\s*\Z")
 _CALLED = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)\s*\(")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")

@@ -111,6 +111,7 @@ class Robot:
     loads: list[Entry] = field(default_factory=list[Entry])
     inputs: list[Entry] = field(default_factory=list[Entry])
     initial: list[Entry] = field(default_factory=list[Entry])
+    frames: list[Entry] = field(default_factory=list[Entry])
     parameters: list[Entry] = field(default_factory=list[Entry])
     names: Names = field(default_factory=Names)  # of joints, inputs and parameters, taken so far
     body_names: Names = field(default_factory=Names)

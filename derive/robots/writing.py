@@ -70,6 +70,7 @@ def _sections(robot: Robot) -> list[Line]:
         [(closure.name, _closure(closure), [], closure.place) for closure in robot.closures],
     )
     lines += _entries("constraints", robot.constraints)
+    lines += _entries("frames", robot.frames)
     lines += (
         _entries("loads", robot.loads)
         + _entries("inputs", robot.inputs)
@@ -155,6 +156,12 @@ def _placed(joint: Joint) -> list[str]:
     if joint.at_child != ORIGIN:
         return [f"at: [{_vector(joint.at)}, {_vector(joint.at_child)}]", *turned]
     return ([f"at: {_vector(joint.at)}"] if joint.at != ORIGIN else []) + turned
+
+
+def frame_text(body: str, position: Sequence[float], rotation: Matrix) -> str:
+    """An entry of `frames:`."""
+    placed = [f"position: {_vector(position)}"] if any(position) else []
+    return _braced([f"body: {body}", *placed, *_turned(None, rotation)])
 
 
 def _closure(closure: Closure) -> str:

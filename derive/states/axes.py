@@ -1,8 +1,8 @@
 """Along which axes the points of closures meet, where rows repeat others.
 
-p₂ − p₁ = 0 says the same along any axes, but not row by row. Two bodies that turn about one line and
-meet at a point of it once more say nothing along the line: along axes that turn with them that is
-always the same row, or a row in the same part, along the ground's it is one row here and another
+p₂ − p₁ = 0 says the same along any axes, but not row by row. Two bodies that turn about one line
+and meet at a point of it once more say nothing along the line: along axes that turn with them that
+is always the same row, or the same part of each; along the ground's it is one row here and another
 there. Then no rows that are kept for good are independent wherever all of them are.
 """
 
@@ -45,9 +45,7 @@ def well_turned(ideal: System, forces: ca.SX) -> tuple[System, ca.SX]:
 def _along(ideal: System, turnable: Sequence[str], side: int) -> tuple[System, ca.SX]:
     """The mechanics anew, with these closures along the axes of their first or second frame."""
     model = ideal.model
-    closures = tuple(
-        replace(x, along=side) if x.name in turnable else x for x in model.closures
-    )
+    closures = tuple(replace(x, along=side) if x.name in turnable else x for x in model.closures)
     return ideal_system(replace(model, closures=closures), ideal.constants)
 
 

@@ -50,7 +50,7 @@ class Kinematics:
 
     def rates(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray | None:
         """N at k states; None where it is one everywhere."""
-        return None if self._plain else self._many(self._rates, t, q, p)[0]
+        return None if self.plain else self._many(self._rates, t, q, p)[0]
 
     def values(self, matrix: ca.SX, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
         """A matrix over (t, q, p) at k states."""
@@ -76,7 +76,7 @@ class Kinematics:
         return ca.Function(name, [s.t, s.q, s.p], list(results))
 
     @cached_property
-    def _plain(self) -> bool:
+    def plain(self) -> bool:
         """Whether q̇ = v."""
         N = self.system.N
         return N.is_square() and bool((N - ca.SX.eye(N.size1())).is_zero())
@@ -91,7 +91,7 @@ class Kinematics:
 
     @cached_property
     def _closing(self) -> ca.Function:
-        along = self._jacobian if self._plain else ca.mtimes(self._jacobian, self.system.N)
+        along = self._jacobian if self.plain else ca.mtimes(self._jacobian, self.system.N)
         return self._function("closing", self.system.phi, along)
 
     @cached_property

@@ -48,7 +48,7 @@ def _others(
 ) -> Iterator[tuple[int, ...]]:
     """All sets of that many candidates with those `before` among them, while they are few."""
     free, wanted = [i for i in candidates if i not in before], rank - len(before)
-    if 0 <= wanted and comb(len(free), wanted) <= MOST_SETS:
+    if wanted >= 0 and comb(len(free), wanted) <= MOST_SETS:
         for more in combinations(free, wanted):
             yield tuple(sorted((*before, *more)))
 

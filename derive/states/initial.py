@@ -53,12 +53,12 @@ def initial_state(
     told, held = _start_values(system, changes or {}, parameters, t)
     own = own_units(system, t)
     given = {name: x / own.one_of(name) for name, x in told.items()}
-    q, v, N = _consistent(system, own, given, held, parameters, t)
+    q, v, rates = _consistent(system, own, given, held, parameters, t)
     coordinates, velocities = (
         [x.name for x in items] for items in (system.model.coordinates, system.model.velocities)
     )
     used = dict(zip(coordinates, q)) | dict(zip(velocities, v))
-    used |= {f"der({name})": rate for name, rate in zip(coordinates, N @ v)}
+    used |= {f"der({name})": rate for name, rate in zip(coordinates, rates)}
     moved = [
         n for n in given if n in held and abs(used[n] - given[n]) > AGREES * (1 + abs(given[n]))
     ]
@@ -107,15 +107,26 @@ def own_units(system: System, t: float) -> Own:
 def _consistent(
     system: System, own: Own, given: dict[str, float], held: set[str], p: np.ndarray, t: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """q, v and N in the model's own units."""
+    """q, v and q̇ in the model's own units."""
     solver, here = Kinematics(own.system), p / own.parameters
     # positions before velocities: A and N of A v = c depend on q
     q = _closed(own, solver, _start(own.system, given), held, here)
     if q is None:
         told = {name: x * own.one_of(name) for name, x in given.items()}
         raise _off(system, p, _start(system, told), t)
+    if _is_free(own.system, solver):
+        v = np.array([given.get(x.name, 0.0) for x in system.model.velocities])
+        return q, v, v
     v = _velocities(own, solver, given, held, q, here)
-    return q, v, solver.velocities(own.t, q, here)[2]
+    return q, v, solver.velocities(own.t, q, here)[2] @ v
+
+
+def _is_free(system: System, solver: Kinematics) -> bool:
+    """Whether nothing ties the velocities, which are the rates of the coordinates by name: then no
+    matrix with an entry for each pair of them is needed."""
+    names = (f"der({c.name})" for c in system.model.coordinates)
+    same = all(v.name == name for v, name in zip(system.model.velocities, names))
+    return not system.rows and same and solver.plain
 
 
 def _start_values(

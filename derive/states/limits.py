@@ -13,7 +13,7 @@ NEWTON = 30  # iterations after which a start counts as hopeless
 LEAP = 0.7  # rad: the largest step taken at once
 
 # independence
-# of the independence of all rows: with less at some state the rows that came first are no good there
+# of the independence of all rows: with less at some state other rows than the first are looked at
 POOR = 0.3
 MOST_SETS = 200  # of rows to keep that are all compared
 SINGULAR = 1e-3  # of its usual value the least singular value of all rows: no regular state

@@ -8,6 +8,7 @@ import casadi as ca
 import sympy
 
 from derive.choices.records import Guard
+from derive.model.constraint_records import Rolling
 from derive.textbook.compose import operations
 from derive.textbook.layout import Rows
 from derive.textbook.manuscript import Manuscript, sum_of
@@ -122,6 +123,14 @@ def _pivots(doc: Manuscript) -> None:
         "as soon as all velocities in it have been reached, in this order:"
     )
     doc.items((Text(x),) for x in doc.equations.pivots)
+    contacts = [x.name for x in doc.system.model.constraints if isinstance(x, Rolling)]
+    told = " ".join(doc.equations.pivots)
+    if any(f"{name} {axis}" in told for name in contacts for axis in "xyz"):
+        doc.say(
+            "Of a contact x, y and z are the components of its velocity along the axes of the "
+            "body. All three are zero, which is what its rows, normal, forward and sideways, say "
+            "together; in these axes the pivots are simpler."
+        )
 
 
 def _guards(doc: Manuscript) -> None:

@@ -16,6 +16,7 @@ from derive.textbook.given import given
 from derive.textbook.inverse import directions
 from derive.textbook.kinematics import components, coordinates, links
 from derive.textbook.linear import linearised
+from derive.textbook.loops import loops, recursion_of
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.outputs import outputs
 from derive.textbook.records import Document, Math, Text
@@ -43,6 +44,8 @@ def derivation(equations: Equations, roads: Sequence[str] = ("block_inversion",)
     """Every section, formulas numbered throughout: a first half that all roads share, one road or
     two of them side by side, and what follows from any. Raises AssumptionError where the system
     cannot take a road."""
+    if recursion_of(equations) is not None:
+        return _long(equations)
     equations = based(equations)
     doc = Manuscript(equations, components(equations.system))
     for section in FIRST:
@@ -53,6 +56,15 @@ def derivation(equations: Equations, roads: Sequence[str] = ("block_inversion",)
         section(doc)
     document = doc.document(_title(equations), _subtitle(equations, taken), _version())
     return with_numbers(document, equations)
+
+
+def _long(equations: Equations) -> Document:
+    """What is given, the recursion once, and who devised it."""
+    doc = Manuscript(equations, [])
+    for section in (given, loops, references):
+        section(doc)
+    subtitle = "recursion over the links of a tree; generalized velocities"
+    return doc.document(_title(equations), subtitle, _version())
 
 
 def _title(equations: Equations) -> str:

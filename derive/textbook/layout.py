@@ -10,7 +10,7 @@ from derive.textbook.compose import operations
 
 CELL = 26  # a wider entry gets a line of its own before the matrix
 COLUMN = 44  # the same where the matrix has one column
-ROW = 66  # a wider matrix shows its widest entries by their symbols
+ROW = 46  # a wider matrix shows its widest entries by their symbols: legible at 390 pixels
 SYMBOL = 5  # the width of an entry's symbol, with the gap after it
 
 Rows = list[list[sympy.Expr]]

@@ -98,6 +98,7 @@ class Manuscript:
         self.column = 0  # of the sections that follow, see Section
         self.rounded = False  # whether a number of a table was
         self.folding = False  # of displays that follow, whatever their length
+        self._explained = False  # what abbreviations are
         self._pending: list[Line] = []  # of symbols that the next display has to explain
         self._constants: dict[sympy.Float, sympy.Symbol] = {}
 
@@ -144,6 +145,10 @@ class Manuscript:
         user's text, or Math."""
         self._blocks.append(Paragraph(runs(template, **given)))
 
+    def display(self, display: Display) -> None:
+        """Equations that say how something is computed, and are no terms of the model."""
+        self._blocks.append(display)
+
     def table(self, head: Sequence[str], rows: Iterable[Sequence[Runs]]) -> None:
         """Adds a table: a head of texts, and rows whose cells are runs of text and formulas."""
         self.listing(head, list(rows), lambda row: row)
@@ -183,9 +188,15 @@ class Manuscript:
         self._number += 1
         self._numbers[name] = self._number
         whole = [*lines, *self._pending]
-        self._pending = []
         folded = not boxed and (self.folding or _is_long(whole))
         self._blocks.append(Display(tuple(whole), self._number, boxed, folded))
+        if folded and self._pending and not self._explained:
+            self._explained = True
+            self.say(
+                r"Letters $z$ with an index abbreviate terms, $\kappa$ numbers. Each is explained "
+                "below the formula in which it occurs first, which may be a folded one."
+            )
+        self._pending = []
 
     def law(self, name: str, left: str, right: str, residual: ca.SX, boxed: bool = False) -> None:
         """A matrix equation, checked as a whole; in the short hand of names.bold."""

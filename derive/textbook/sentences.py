@@ -16,6 +16,7 @@ from derive.expressions.tree import ONE, Expression
 from derive.model.constraint_records import Distance, Holonomic, Nonholonomic, NoSlip, Rolling
 from derive.model.load_records import (
     Contact,
+    Exhaust,
     Force,
     GeneralisedForce,
     JointDamper,
@@ -228,6 +229,15 @@ def _torque(doc: Manuscript, x: Torque) -> Runs:
     )
 
 
+def _exhaust(doc: Manuscript, x: Exhaust) -> Runs:
+    return runs(
+        "matter leaves {body} at {point} with {velocity} m/s relative to it, in its own axes",
+        body=x.body,
+        point=point(doc, x.point, x.name),
+        velocity=point(doc, x.velocity, x.name),
+    )
+
+
 def _axes(x: Force | Torque) -> str:
     return "its own axes" if x.frame == "body" else "ground axes"
 
@@ -284,5 +294,6 @@ LOADS: dict[type[Any], Callable[[Manuscript, Any], Runs]] = {
     Contact: _contact,
     Force: _force,
     Torque: _torque,
+    Exhaust: _exhaust,
     GeneralisedForce: _generalised,
 }

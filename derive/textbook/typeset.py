@@ -87,13 +87,19 @@ class Typesetter:
         return terms
 
     def _factors(self, x: Expr, whole: str) -> list[str]:
-        """A product without divisors, factor by factor."""
+        """A product factor by factor; over a divisor stand numbers and symbols alone,
+        where there are sums."""
         negative, product = _is_negative(x), -x if _is_negative(x) else x
         over, under = _split(product)
-        if under or len(over) < 2:
+        before = [f for f in over if f.is_Number or f.is_Symbol] if under else []
+        after = [f for f in over if f not in before]
+        sums = [f for f in after if f.is_Add]
+        if not sums if under else len(after) < 2:
             return [whole]
         pieces: list[str] = []
-        for f in sorted(over, key=self._place_in_product):
+        if under:
+            pieces = [rf"\frac{{{self._juxtaposed(before)}}}{{{self._juxtaposed(under)}}}"]
+        for f in sorted(after, key=self._place_in_product):
             own = self._factor_pieces(f)
             own[0] = rf"\, {own[0]}" if pieces else own[0]
             pieces += own
@@ -237,7 +243,9 @@ def _signed(term: str) -> str:
 def _bracket(x: Expr) -> tuple[Expr, Expr | None]:
     """factor, sum of factor · sum, where the sum can stand last: no function before it would seem
     to take it in."""
-    sums = [f for f in x.args if f.is_Add] if x.is_Mul else []
+    if not x.is_Mul:
+        return x, None
+    sums = [f for f in x.args if f.is_Add]
     rest = sympy.Mul(*[f for f in x.args if not f.is_Add])
     clear = len(sums) == 1 and not any(f.has(sympy.Function) for f in _split(rest)[0])
     return (rest, sums[0]) if clear else (x, None)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from html import escape
 from itertools import groupby
+from typing import Any
 
 from markupsafe import Markup
 
@@ -46,18 +47,25 @@ def page(document: Document, figure: str = "") -> str:
         "derive.textbook/page.html.j2",
         title=document.title,
         version=document.version,
-        document=document,
         figure=Markup(figure),
-        groups=_groups(document),
         wide=any(section.column for section in document.sections),
-        kind=_kind,
-        runs=_runs,
-        rows=partial(_rows, document),
-        head=_head,
-        stacked=_stacked,
-        cells=_cells,
-        inline=_inline,
+        **parts_of(document),
     )
+
+
+def parts_of(document: Document) -> dict[str, Any]:
+    """What `sections.html.j2` is given: a page of another kind may hold a derivation, too."""
+    return {
+        "document": document,
+        "groups": _groups(document),
+        "kind": _kind,
+        "runs": _runs,
+        "rows": partial(_rows, document),
+        "head": _head,
+        "stacked": _stacked,
+        "cells": _cells,
+        "inline": _inline,
+    }
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from importlib.resources import files
 
@@ -113,6 +114,8 @@ _GREEK = dict(
     )
 )
 _SPECIAL.update({letter: rf"\ensuremath{{\{name}}}" for letter, name in _GREEK.items()})
+_LIST = re.compile(r"\\left\(((?:(?!\\left|\\right).)*,(?:(?!\\left|\\right).)*)\\right\)")
+_COMMA = re.compile(r",\\[,;] ?")
 
 
 def article(document: Document, figure: str = "") -> str:
@@ -176,7 +179,16 @@ def _runs(runs: Runs) -> str:
 def _run(run: Run) -> str:
     if isinstance(run, Ref):
         return rf"(\ref{{equation-{run.number}}})"
-    return escape(run.text) if isinstance(run, Text) else f"${run.latex}$"
+    return escape(run.text) if isinstance(run, Text) else f"${_breakable(run.latex)}$"
+
+
+def _breakable(latex: str) -> str:
+    """A formula in a line: TeX ends no line behind a comma, nor between brackets that stretch, so a
+    list is told where it may end."""
+    listed = _LIST.fullmatch(latex)
+    if listed:
+        latex = f"({listed[1]})"
+    return _COMMA.sub(r"\g<0>\\allowbreak ", latex)
 
 
 def _rows(display: Display) -> str:

@@ -107,7 +107,7 @@ def _dynamics(t, x, u, p, out):
     out[..., 2] = v_3
     out[..., 3] = z32
     singular = False
-    singular = singular | (np.abs(z6) < 3.999892943195389e-07)  # pivot of C.x
+    singular = singular | (np.abs(z6) < 3.9998929431953895e-07)  # pivot of C.x
     status = _status(singular, out, x, u, p)
     return status
 
@@ -185,7 +185,7 @@ def _bias(t, x, u, p, out):
     out[..., 1] = z9
     out[..., 2] = z10
     singular = False
-    singular = singular | (np.abs(z11) < 3.999892943195389e-07)  # pivot of C.x
+    singular = singular | (np.abs(z11) < 3.9998929431953895e-07)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -285,7 +285,7 @@ def _constraints(t, x, u, p, out):
     out[..., 2] = z17
     out[..., 3] = z19
     singular = False
-    singular = singular | (np.abs(z10) < 3.999892943195389e-07)  # pivot of C.x
+    singular = singular | (np.abs(z10) < 3.9998929431953895e-07)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -455,7 +455,7 @@ def _reactions(t, x, u, p, out):
     out[..., 0] = z46
     out[..., 1] = z45
     singular = False
-    singular = singular | (np.abs(z6) < 3.999892943195389e-07)  # pivot of C.x
+    singular = singular | (np.abs(z6) < 3.9998929431953895e-07)  # pivot of C.x
     status = _status(singular, out, x, u, p)
     return status
 
@@ -505,7 +505,7 @@ def _energy(t, x, u, p, out):
     out[..., 0] = z17
     out[..., 1] = z19
     singular = False
-    singular = singular | (np.abs(z5) < 3.999892943195389e-07)  # pivot of C.x
+    singular = singular | (np.abs(z5) < 3.9998929431953895e-07)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -530,7 +530,7 @@ def _power(t, x, u, p, out):
 
     out[..., 0] = z4
     singular = False
-    singular = singular | (np.abs(z2) < 3.999892943195389e-07)  # pivot of C.x
+    singular = singular | (np.abs(z2) < 3.9998929431953895e-07)  # pivot of C.x
     status = _status(singular, out, x, u, p)
     return status
 
@@ -560,7 +560,7 @@ def _outputs(t, x, u, p, out):
     out[..., 0] = z4
     out[..., 1] = z5
     singular = False
-    singular = singular | (np.abs(z6) < 3.999892943195389e-07)  # pivot of C.x
+    singular = singular | (np.abs(z6) < 3.9998929431953895e-07)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 
@@ -592,7 +592,7 @@ def _velocity(t, x, u, p, out):
     out[..., 1] = z5
     out[..., 2] = z6
     singular = False
-    singular = singular | (np.abs(z2) < 3.999892943195389e-07)  # pivot of C.x
+    singular = singular | (np.abs(z2) < 3.9998929431953895e-07)  # pivot of C.x
     status = _status(singular, out, x, p)
     return status
 

@@ -188,7 +188,7 @@ int four_bar_dynamics(double t, const double *x, const double *u, const double *
     out[3] = z32; /* der(q1_dot), rad/s^2 */
     (void)t;
 
-    if (fabs(z6) < 3.999892943195389e-07) /* pivot of C.x */
+    if (fabs(z6) < 3.9998929431953895e-07) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!((0.0 * p[3] + 0.0 * out[3]) + (0.0 * out[1]) + (0.0 * out[2]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -281,7 +281,7 @@ int four_bar_bias(double t, const double *x, const double *u, const double *p, d
     (void)t;
     (void)u;
 
-    if (fabs(z11) < 3.999892943195389e-07) /* pivot of C.x */
+    if (fabs(z11) < 3.9998929431953895e-07) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!((0.0 * p[3] + 0.0 * out[2]) + (0.0 * out[0]) + (0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -398,7 +398,7 @@ int four_bar_constraints(double t, const double *x, const double *u, const doubl
     (void)t;
     (void)u;
 
-    if (fabs(z10) < 3.999892943195389e-07) /* pivot of C.x */
+    if (fabs(z10) < 3.9998929431953895e-07) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!((0.0 * p[4] + 0.0 * out[0] + 0.0 * out[3]) + (0.0 * p[5] + 0.0 * out[1]) + (0.0 * p[6] + 0.0 * out[2]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -588,7 +588,7 @@ int four_bar_reactions(double t, const double *x, const double *u, const double 
     out[1] = z45; /* C.y */
     (void)t;
 
-    if (fabs(z6) < 3.999892943195389e-07) /* pivot of C.x */
+    if (fabs(z6) < 3.9998929431953895e-07) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!((0.0 * p[3]) + (0.0 * out[0]) + (0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -648,7 +648,7 @@ int four_bar_energy(double t, const double *x, const double *u, const double *p,
     (void)t;
     (void)u;
 
-    if (fabs(z5) < 3.999892943195389e-07) /* pivot of C.x */
+    if (fabs(z5) < 3.9998929431953895e-07) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!((0.0 * p[3]) + (0.0 * out[0]) + (0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -680,7 +680,7 @@ int four_bar_power(double t, const double *x, const double *u, const double *p, 
     out[0] = z4; /* power, W */
     (void)t;
 
-    if (fabs(z2) < 3.999892943195389e-07) /* pivot of C.x */
+    if (fabs(z2) < 3.9998929431953895e-07) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!((0.0 * p[1] + 0.0 * p[4] + 0.0 * out[0]) + (0.0 * p[2] + 0.0 * p[5]) + (0.0 * p[3] + 0.0 * p[6]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -718,7 +718,7 @@ int four_bar_outputs(double t, const double *x, const double *u, const double *p
     (void)t;
     (void)u;
 
-    if (fabs(z6) < 3.999892943195389e-07) /* pivot of C.x */
+    if (fabs(z6) < 3.9998929431953895e-07) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!((0.0 * x[2] + 0.0 * p[3] + 0.0 * p[6]) + (0.0 * x[3] + 0.0 * p[4] + 0.0 * out[0]) + (0.0 * p[2] + 0.0 * p[5] + 0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -758,7 +758,7 @@ int four_bar_velocity(double t, const double *x, const double *u, const double *
     (void)t;
     (void)u;
 
-    if (fabs(z2) < 3.999892943195389e-07) /* pivot of C.x */
+    if (fabs(z2) < 3.9998929431953895e-07) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
     if (!((0.0 * p[1] + 0.0 * p[5] + 0.0 * out[2]) + (0.0 * p[3] + 0.0 * p[6]) + (0.0 * p[4] + 0.0 * out[1]) == 0.0))
         return FOUR_BAR_NOT_FINITE;
@@ -982,7 +982,7 @@ int four_bar_dynamics_precomputed(double t, const double *x, const double *u, co
     out[3] = z23; /* der(q1_dot), rad/s^2 */
     (void)t;
 
-    if (fabs(z5) < 3.999892943195389e-07) /* pivot of C.x */
+    if (fabs(z5) < 3.9998929431953895e-07) /* pivot of C.x */
         return FOUR_BAR_SINGULAR;
 
     if (!((0.0 * out[1]) + (0.0 * out[2]) + (0.0 * out[3]) == 0.0))

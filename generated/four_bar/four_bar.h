@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "db39571b6451b739e68b2325c51e01b9"
+#define FOUR_BAR_PROGRAM "cc948432a0acc3bb8edb9e37a813fe63"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1

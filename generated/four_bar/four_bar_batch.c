@@ -166,7 +166,7 @@ void four_bar_constraints_lanes(const double *restrict t_, const double *restric
         out[1 * LANES + lane] = z8; /* phi C.y */
         out[2 * LANES + lane] = z17; /* velocity C.x */
         out[3 * LANES + lane] = z19; /* velocity C.y */
-        bad += fabs(z10) < 3.999892943195389e-07 ? 1.0 : 0.0; /* pivot of C.x */
+        bad += fabs(z10) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
         stray[lane] = bad + ((0.0 * p[4 * LANES + lane] + 0.0 * out[0 * LANES + lane] + 0.0 * out[3 * LANES + lane]) + (0.0 * p[5 * LANES + lane] + 0.0 * out[1 * LANES + lane]) + (0.0 * p[6 * LANES + lane] + 0.0 * out[2 * LANES + lane]));
     }
     (void)t_;
@@ -279,7 +279,7 @@ void four_bar_power_lanes(const double *restrict t_, const double *restrict x, c
         const double z4 = tau * q1_dot - 0.01 * z3 * z3;
 
         out[0 * LANES + lane] = z4; /* power, W */
-        bad += fabs(z2) < 3.999892943195389e-07 ? 1.0 : 0.0; /* pivot of C.x */
+        bad += fabs(z2) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
         stray[lane] = bad + ((0.0 * p[1 * LANES + lane] + 0.0 * p[4 * LANES + lane] + 0.0 * out[0 * LANES + lane]) + (0.0 * p[2 * LANES + lane] + 0.0 * p[5 * LANES + lane]) + (0.0 * p[3 * LANES + lane] + 0.0 * p[6 * LANES + lane]));
     }
     (void)t_;
@@ -390,7 +390,7 @@ void four_bar_dynamics_lanes(const double *restrict t_, const double *restrict x
         out[1 * LANES + lane] = v_2; /* der(q2), rad/s */
         out[2 * LANES + lane] = v_3; /* der(q3), rad/s */
         out[3 * LANES + lane] = z23; /* der(q1_dot), rad/s^2 */
-        bad += fabs(z5) < 3.999892943195389e-07 ? 1.0 : 0.0; /* pivot of C.x */
+        bad += fabs(z5) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
         stray[lane] = bad + ((0.0 * out[1 * LANES + lane]) + (0.0 * out[2 * LANES + lane]) + (0.0 * out[3 * LANES + lane]));
     }
     (void)t_;

@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "8c6f7241471da8d4b8e242045a692ec6"
+PROGRAM = "50c3b959ea4ee90175f55dbf49b40bb3"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 2, 3
 DEFAULTS = np.array([0.3, 1.0, 0.0075], dtype=float)

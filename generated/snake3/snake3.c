@@ -287,7 +287,7 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
     return SNAKE3_OK;
 }
 
-/* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: 77 operations */
+/* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: 76 operations */
 int snake3_bias(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -306,42 +306,38 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
     const double sin_phi2 = sines[1];
 
     /* h: bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
-    const double z1 = om * om;
-    const double z2 = l / 2.0;
-    const double z3 = 2.0 * m * z2;
-    const double z4 = 1.0 / z2;
-    const double z5 = sin_phi1 * z4;
-    const double z6 = om + om * (-1.0 - cos_phi1) - z5 * v;
-    const double z7 = z6 * z6;
-    const double z8 = m * z2;
-    const double z9 = z3 + z8;
-    const double z10 = z2 * cos_phi1;
-    const double z11 = z2 * sin_phi2 * sin_phi1 + cos_phi2 * (z10 + z10 - z10);
-    const double z12 = v * (z5 + z4 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
-    const double z13 = z6 + z12 + om * (cos_phi1 + z4 * z11);
-    const double z14 = z8 * z13 * z13;
-    const double z15 = z7 * z9 + cos_phi2 * z14;
+    const double z1 = l / 2.0;
+    const double z2 = 2.0 * m * z1;
+    const double z3 = om * om;
+    const double z4 = m * z1;
+    const double z5 = z4 + m * l;
+    const double z6 = 1.0 / z1;
+    const double z7 = sin_phi1 * z6;
+    const double z8 = om + om * (-1.0 - cos_phi1) - z7 * v;
+    const double z9 = z8 * z8;
+    const double z10 = z1 * cos_phi1;
+    const double z11 = z1 * sin_phi2 * sin_phi1 + cos_phi2 * (z10 + z10 - z10);
+    const double z12 = v * (z7 + z6 * (sin_phi1 * cos_phi2 - cos_phi1 * sin_phi2));
+    const double z13 = z8 + z12 + om * (cos_phi1 + z6 * z11);
+    const double z14 = z4 * z13 * z13;
+    const double z15 = z5 * z9 + cos_phi2 * z14;
     const double z16 = sin_phi2 * z14;
-    const double z17 = z1 * z3 + cos_phi1 * z15 - sin_phi1 * z16;
+    const double z17 = z2 * z3 + cos_phi1 * z15 - sin_phi1 * z16;
     const double z18 = om * v;
     const double z19 = sin_phi1 * z15 + cos_phi1 * z16;
     const double z20 = 3.0 * m * z18 + z19;
-    const double z21 = z2 * z16;
-    const double z22 = z1 * z2;
-    const double z23 = cos_phi1 * z18 - sin_phi1 * z22;
-    const double z24 = z2 * z7;
-    const double z25 = sin_phi2 * (cos_phi1 * z22 + sin_phi1 * z18 + z24 + z24);
-    const double z26 = z8 * (cos_phi2 * z23 - z25);
-    const double z27 = z9 * z23 + z26 + z21 + z21;
-    const double z28 = -(z3 * z18 + z27 + z2 * z19);
-    const double z29 = -z27;
-    const double z30 = -z26;
+    const double z21 = z1 * z3;
+    const double z22 = sin_phi1 * z21 - cos_phi1 * z18;
+    const double z23 = sin_phi2 * (cos_phi1 * z21 + sin_phi1 * z18 + l * z9);
+    const double z24 = z4 * (z23 + cos_phi2 * z22);
+    const double z25 = z5 * z22 + z24 - l * z16;
+    const double z26 = -(z2 * z18 - z25 + z1 * z19);
 
     out[0] = z17; /* base.vx */
     out[1] = z20; /* base.vy */
-    out[2] = z28; /* base.w */
-    out[3] = z29; /* der(phi1) */
-    out[4] = z30; /* der(phi2) */
+    out[2] = z26; /* base.w */
+    out[3] = z25; /* der(phi1) */
+    out[4] = z24; /* der(phi2) */
     (void)t;
     (void)u;
 
@@ -350,7 +346,7 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
     return SNAKE3_OK;
 }
 
-/* forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): 77 operations */
+/* forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): 82 operations */
 int snake3_inverse_dynamics(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -379,38 +375,39 @@ int snake3_inverse_dynamics(double t, const double *x, const double *u, const do
 
     /* tau: forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇) */
     const double z1 = der_base_vx - base_w * base_vy;
-    const double z2 = base_w + der_phi1;
-    const double z3 = l / 2.0;
-    const double z4 = z3 * z2 * z2;
-    const double z5 = base_w * base_vx + der_base_vy;
-    const double z6 = z5 - z3 * der_base_w;
-    const double z7 = z1 + base_w * z3 * base_w;
-    const double z8 = cos_phi1 * z7 + z4 + sin_phi1 * z6;
-    const double z9 = z4 + z8;
-    const double z10 = der_base_w + der_der_phi1;
-    const double z11 = z3 * z10;
-    const double z12 = cos_phi1 * z6 - z11 - z7 * sin_phi1;
-    const double z13 = z11 - z12;
-    const double z14 = z10 + der_der_phi2;
-    const double z15 = m * (cos_phi2 * z13 + z3 * z14 + z9 * sin_phi2);
-    const double z16 = z2 + der_phi2;
-    const double z17 = cos_phi2 * z9 + z3 * z16 * z16 - sin_phi2 * z13;
-    const double z18 = m * z17;
-    const double z19 = m * z8 + cos_phi2 * z18 + sin_phi2 * z15;
-    const double z20 = sin_phi2 * z18 - cos_phi2 * z15;
-    const double z21 = m * z12 + z20;
-    const double z22 = m * z1 + cos_phi1 * z19 - sin_phi1 * z21;
-    const double z23 = sin_phi1 * z19 + cos_phi1 * z21;
-    const double z24 = m * z5 + z23;
-    const double z25 = z14 * J + z3 * z15;
-    const double z26 = z10 * J + z25 - z3 * z20 - z3 * z21;
-    const double z27 = der_base_w * J + z26 - z3 * z23;
+    const double z2 = l / 2.0;
+    const double z3 = z1 + base_w * z2 * base_w;
+    const double z4 = der_base_vy + base_w * base_vx;
+    const double z5 = z4 - z2 * der_base_w;
+    const double z6 = cos_phi1 * z3 + sin_phi1 * z5;
+    const double z7 = base_w + der_phi1;
+    const double z8 = z7 * z7;
+    const double z9 = z6 + l * z8;
+    const double z10 = z3 * sin_phi1 - cos_phi1 * z5;
+    const double z11 = der_base_w + der_der_phi1;
+    const double z12 = z10 + l * z11;
+    const double z13 = z9 * sin_phi2 + cos_phi2 * z12;
+    const double z14 = m * z2;
+    const double z15 = z11 + der_der_phi2;
+    const double z16 = m * z13 + z14 * z15;
+    const double z17 = z7 + der_phi2;
+    const double z18 = z14 * z17 * z17 + m * (cos_phi2 * z9 - sin_phi2 * z12);
+    const double z19 = z14 * z8 + m * z6 + cos_phi2 * z18 + sin_phi2 * z16;
+    const double z20 = sin_phi2 * z18 - cos_phi2 * z16;
+    const double z21 = m * z10 + z14 * z11 - z20;
+    const double z22 = m * z1 + sin_phi1 * z21 + cos_phi1 * z19;
+    const double z23 = sin_phi1 * z19 - cos_phi1 * z21;
+    const double z24 = m * z4 + z23;
+    const double z25 = J + z2 * z14;
+    const double z26 = z15 * z25 + z14 * z13;
+    const double z27 = z11 * z25 + z14 * z10 + z26 - l * z20;
+    const double z28 = der_base_w * J + z27 - z2 * z23;
 
     out[0] = z22; /* base.vx */
     out[1] = z24; /* base.vy */
-    out[2] = z27; /* base.w */
-    out[3] = z26; /* der(phi1) */
-    out[4] = z25; /* der(phi2) */
+    out[2] = z28; /* base.w */
+    out[3] = z27; /* der(phi1) */
+    out[4] = z26; /* der(phi2) */
     (void)t;
     (void)u;
 
@@ -554,36 +551,35 @@ int snake3_reactions(double t, const double *x, const double *u, const double *p
     const double z66 = z2 * z65 * z65;
     const double z67 = sin_phi2 * z66;
     const double z68 = v * om;
-    const double z69 = z64 * z64;
-    const double z70 = z59 * z68 + sin_phi1 * (z46 * z69 + cos_phi2 * z66);
-    const double z71 = (z7 - z9) * z62 - (cos_phi1 * z67 + z70) + z9 * z63;
-    const double z72 = z4 - cos_phi1 * z5;
-    const double z73 = z18 + z40 + z33 * z61 + z28 * z62;
-    const double z74 = z1 * z5;
-    const double z75 = z48 + z74 + z74;
-    const double z76 = z3 * cos_phi1;
-    const double z77 = om * z12;
-    const double z78 = cos_phi1 * z68 - sin_phi1 * z77;
-    const double z79 = z1 * z69;
-    const double z80 = sin_phi2 * (cos_phi1 * z77 + sin_phi1 * z68 + z79 + z79);
-    const double z81 = z2 * (cos_phi2 * z78 - z80);
-    const double z82 = z61 * (z76 + sin_phi1 * z5) - (tau2 + z81) + z62 * (z75 - z1 * z72);
-    const double z83 = z10 * (z82 - z63 * z75 + z48 * z73);
+    const double z69 = z2 + m * l;
+    const double z70 = z64 * z64;
+    const double z71 = z59 * z68 + sin_phi1 * (z69 * z70 + cos_phi2 * z66);
+    const double z72 = (z7 - z9) * z62 - (cos_phi1 * z67 + z71) + z9 * z63;
+    const double z73 = z4 - cos_phi1 * z5;
+    const double z74 = z18 + z40 + z33 * z61 + z28 * z62;
+    const double z75 = z1 * z5;
+    const double z76 = z48 + z75 + z75;
+    const double z77 = z3 * cos_phi1;
+    const double z78 = om * z12;
+    const double z79 = sin_phi2 * (cos_phi1 * z78 + sin_phi1 * z68 + l * z70);
+    const double z80 = sin_phi1 * z78 - cos_phi1 * z68;
+    const double z81 = z2 * (z79 + cos_phi2 * z80);
+    const double z82 = z81 - tau2 + z61 * (z77 + sin_phi1 * z5) + z62 * (z76 - z1 * z73);
+    const double z83 = z10 * (z82 - z63 * z76 + z48 * z74);
     const double z84 = z1 * z6;
-    const double z85 = J + z48 + z84 + z84 + z74 + z1 * z8;
-    const double z86 = z1 * z67;
-    const double z87 = z61 * (z76 + sin_phi1 * z8) - (tau1 + z46 * z78 + z81 + z86 + z86);
-    const double z88 = z62 * (z85 - z1 * z9) + z87 - z63 * z85;
-    const double z89 = z73 * z75 + z88 - (z1 + l * cos_phi2) * z83;
-    const double z90 = z10 * z89;
-    const double z91 = z71 - z72 * z73 - z83 * (z56 - z57) - cos_phi1 * z90;
-    const double z92 = -z91;
-    const double z93 = -z90;
-    const double z94 = -z83;
+    const double z85 = J + z48 + z84 + z84 + z75 + z1 * z8;
+    const double z86 = z69 * z80 - tau1 + z81 - l * z67 + z61 * (z77 + sin_phi1 * z8);
+    const double z87 = z62 * (z85 - z1 * z9) + z86 - z63 * z85;
+    const double z88 = z74 * z76 + z87 - (z1 + l * cos_phi2) * z83;
+    const double z89 = z10 * z88;
+    const double z90 = z72 - z73 * z74 - z83 * (z56 - z57) - cos_phi1 * z89;
+    const double z91 = -z90;
+    const double z92 = -z89;
+    const double z93 = -z83;
 
-    out[0] = z92; /* wheel1 */
-    out[1] = z93; /* wheel2 */
-    out[2] = z94; /* wheel3 */
+    out[0] = z91; /* wheel1 */
+    out[1] = z92; /* wheel2 */
+    out[2] = z93; /* wheel3 */
     (void)t;
 
     if (!((0.0 * x[0] + 0.0 * out[0]) + (0.0 * x[1] + 0.0 * out[1]) + (0.0 * x[2] + 0.0 * out[2]) == 0.0))

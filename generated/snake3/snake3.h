@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "8c6f7241471da8d4b8e242045a692ec6"
+#define SNAKE3_PROGRAM "50c3b959ea4ee90175f55dbf49b40bb3"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2
@@ -85,11 +85,11 @@ int snake3_dynamics(double t, const double *x, const double *u, const double *p,
 int snake3_mass(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: out[5].
-   77 operations; reads x, p. */
+   76 operations; reads x, p. */
 int snake3_bias(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): out[5].
-   77 operations; reads x, p.
+   82 operations; reads x, p.
    In the place of the state: x[15] = x, y, th, phi1, phi2, base.vx, base.vy, base.w, der(phi1), der(phi2), der(base.vx), der(base.vy), der(base.w), der(der(phi1)), der(der(phi2)). */
 int snake3_inverse_dynamics(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 

@@ -78,7 +78,7 @@ def build(
             checked = with_emitted(equations, program)
             found = _verification(checked, _waiting(finished, clock), options.states)
             emitted = {kernel.name for kernel in program.kernels}
-            rows = shipped(checked, emitted, found.seed)
+            rows = shipped(checked, emitted, found.seed, module=finished().module)
             states = stored(found, equations, rows)
         compiled = finished()
         if compiled.message:
@@ -120,8 +120,9 @@ def _program(
 
 
 def _page(equations: Equations) -> str:
-    """The derivation, opened by a figure of the mechanism where there is one."""
-    drawing = picture(equations.system)
+    """The derivation, opened by a figure of the mechanism where there is one; of hundreds of links
+    nothing could be told apart on it."""
+    drawing = None if equations.system.long else picture(equations.system)
     return html(equations, svg(drawing) if drawing else "")
 
 

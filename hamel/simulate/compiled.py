@@ -56,7 +56,7 @@ from hamel.simulate.method import (
     tolerances,
 )
 from hamel.simulate.record import Source, simulated
-from hamel.simulate.view import page
+from hamel.simulate.view import page, picture
 
 # what a motion and its judgement call, beside what enforcement and integrator need
 CALLED = ("dynamics", "constraints", "energy", "power", "velocity", "state", "outputs")
@@ -149,7 +149,8 @@ def simulation(
     for write in writing:
         write(record)
     if places.view:
-        write_text(Path(places.view), page(problem.system, record, problem.p))
+        show = picture if Path(places.view).suffix.lower() == ".svg" else page
+        write_text(Path(places.view), show(problem.system, record, problem.p))
     return replace(
         record,
         file=Path(places.out) if places.out else None,
@@ -224,10 +225,10 @@ def _integrated(
     except motion.InputError:
         raise
     except AssumptionError as error:
-        others = _others(problem, chosen) if own_integrator(method) else []
-        if not others:
+        more = others(problem, chosen) if own_integrator(method) else []
+        if not more:
             raise _explained(error, problem) from None
-        several = charted([chosen, *others], survey_of(problem.system))
+        several = charted([chosen, *more], survey_of(problem.system))
         try:
             return _motion(problem, several, method, times, progress, automatic)
         except AssumptionError as last:  # where all charts together come to an end
@@ -306,19 +307,19 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
     )
 
 
-def _others(problem: Problem, equations: Equations) -> list[Equations]:
+def others(problem: Problem, equations: Equations) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
     system = problem.system
     alone = equations.generalized_velocities or equations.charts or equations.z
     if not system.rows or alone:
         return []
     names = dict.fromkeys((*(choice.name for choice in system.model.choices), "orthonormal"))
-    others = []
+    found = []
     for name in names:
         if name != equations.choice:
             with contextlib.suppress(AssumptionError):
-                others.append(problem.equations(name))
-    return others
+                found.append(problem.equations(name))
+    return found
 
 
 def _times(rows: Rows, step_size: float | None) -> np.ndarray:

@@ -25,9 +25,9 @@ def writers(out: str | Path | None, plot: str | Path | None) -> list[Writer]:
 
 
 def check_page(view: str | Path | None) -> None:
-    """What will hold the moving mechanism is a page."""
-    if view and Path(view).suffix.lower() != ".html":
-        raise ModelError(f"--view {view}: the file must end in .html")
+    """What will hold the moving mechanism is a page or a picture."""
+    if view and Path(view).suffix.lower() not in (".html", ".svg"):
+        raise ModelError(f"--view {view}: the file must end in .html or .svg")
 
 
 def _writer(place: Path, known: dict[str, Write], option: str) -> Writer:

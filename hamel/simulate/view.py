@@ -13,9 +13,9 @@ from markupsafe import Markup
 import hamel
 from derive.mechanics.records import System
 from derive.textbook.pages import rendered
-from hamel.draw import linear, logarithmic
+from hamel.draw import linear, logarithmic, mechanism
 from hamel.draw.canvas import ENTRY, Frame, element, finite, polyline, text
-from hamel.draw.mechanism import picture, svg
+from hamel.draw.mechanism.animated import animated
 from hamel.draw.mechanism.moving import Moving, frames, moving
 from hamel.draw.mechanism.svg import CLASS, drawn, style
 from hamel.records import Simulated
@@ -28,19 +28,18 @@ Curves = Mapping[str, np.ndarray]
 
 def page(system: System, record: Simulated, p: np.ndarray) -> str:
     """The page of a motion of the system with parameters p."""
-    columns = {name: values for name, values in record.motion.items() if name != "choice"}
+    columns = _numbers(record)
     rows = frames(len(columns["t"]))
-    shown = {name: np.asarray(values, dtype=float)[rows] for name, values in columns.items()}
-    t = shown["t"]
-    q = np.array([shown[c.name] for c in system.model.coordinates]).T.reshape(len(t), -1)
+    shown = {name: values[rows] for name, values in columns.items()}
+    t, q = _course(system, shown)
     scene = moving(system, t, q, p)
-    drawing = picture(system)
+    drawing = mechanism.picture(system)
     return rendered(
         "hamel.simulate/view.html.j2",
         title=f"{system.model.name} in motion",
         subtitle=f"{record.title}; {t[-1] - t[0]:g} s",
         version=hamel.__version__,
-        figure=Markup(svg(drawing, "named") if drawing else ""),
+        figure=Markup(mechanism.svg(drawing, "named") if drawing else ""),
         stage=Markup(_stage(system, scene)),
         plots=[Markup(plot) for plot in _plots(shown, energy_error(columns)[rows])],
         data=Markup(_script(scene.data)),
@@ -49,6 +48,27 @@ def page(system: System, record: Simulated, p: np.ndarray) -> str:
         traces=[trace[4] for trace in scene.data["traces"]],
         plot={"left": LEFT, "width": WIDTH - LEFT - RIGHT},
     )
+
+
+def picture(system: System, record: Simulated, p: np.ndarray) -> str:
+    """The motion as a picture that moves by itself (SVG, without a script).
+
+    Raises AssumptionError for a mechanism in space.
+    """
+    t, q = _course(system, _numbers(record))
+    return animated(system, t, q, p)
+
+
+def _numbers(record: Simulated) -> Mapping[str, np.ndarray]:
+    """Columns of the motion that are numbers."""
+    columns = {name: values for name, values in record.motion.items() if name != "choice"}
+    return {name: np.asarray(values, dtype=float) for name, values in columns.items()}
+
+
+def _course(system: System, columns: Curves) -> tuple[np.ndarray, np.ndarray]:
+    """Times, and a row of coordinates for each."""
+    t = columns["t"]
+    return t, np.array([columns[c.name] for c in system.model.coordinates]).T.reshape(len(t), -1)
 
 
 def _script(data: Mapping[str, object]) -> str:

@@ -12,6 +12,7 @@ from hamel.build.files import write_text
 from hamel.build.stages import equations_of
 from hamel.build.typeset import typeset
 from hamel.draw.mechanism import picture, svg, tikz
+from hamel.live import live_of, page
 from hamel.records import Derived
 
 if TYPE_CHECKING:
@@ -25,13 +26,17 @@ def run(
     formulation: str,
     roads: Sequence[str],
     pdf: bool = False,
+    live: bool = False,
 ) -> Derived:
     """The derivation of one choice (the file's first when None) by one road or two, written as
-    derivation.html and derivation.tex into the folder. Both are made from the same Equations."""
+    derivation.html and derivation.tex into the folder. Both are made from the same Equations. A
+    `live` page carries the module."""
     equations = equations_of(path, choice, formulation=formulation)
     drawing = picture(equations.system)
     pages = {"html": folder / "derivation.html", "tex": folder / "derivation.tex"}
-    write_text(pages["html"], html(equations, svg(drawing) if drawing else "", roads))
+    figure = svg(drawing) if drawing else ""
+    shown = page(live_of(equations, roads), figure) if live else html(equations, figure, roads)
+    write_text(pages["html"], shown)
     text = latex(equations, tikz(drawing) if drawing else "", roads)
     write_text(pages["tex"], text)
     if pdf:

@@ -17,6 +17,7 @@ from hamel.verify.checks import CHECKS, LOADED, QUICK
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.evidence import Evidence, Sample, evidence, varied
 from hamel.verify.checks.linear import with_linearization
+from hamel.verify.long import is_long, long_verification, of_long_tree
 from hamel.verify.records import CheckResult, Verification
 from hamel.verify.reference.outcome import reference
 from hamel.verify.reference.vectors import Array
@@ -40,6 +41,8 @@ def verification(
     `others` are further choices of the same model: v̇ must not depend on the choice. All charts of
     the module are compared.
     """
+    if module is not None and is_long(equations, module):
+        return long_verification(model, equations, module, states, seed)
     equations = with_linearization(equations)
     seen = evidence(reference(model), equations, module, states, seed, (*others, *equations.charts))
     return _verdict(seen, states, seed, (*results(seen), *_in_charts(seen, CHECKS)))
@@ -58,6 +61,8 @@ def quick_verification(
     The checks that compare terms with each other, and the other ways to call the code, are left to
     `verification`.
     """
+    if of_long_tree(equations) and is_long(equations, module()):
+        return long_verification(model, equations, module(), states, seed)
     seen = evidence(reference(model), equations, None, states, seed)
     terms_agree = (*results(seen, QUICK), *_in_charts(seen, QUICK))
     loaded = _with_expected(seen).loaded(module())

@@ -71,7 +71,7 @@ def _inverted(survey: Survey, reduction: Reduction) -> tuple[ca.SX, Reduction]:
         v=v,
         sigma=ca.substitute(sigma, system.v, v),
         walked=None,
-        guards=block_guards(found, names),
+        guards=block_guards(survey, found, names),
         pivots=_in_words(survey, found, names),
         constant_pivots=all(block.grade < 2 for block in found.blocks),
     )

@@ -8,29 +8,47 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic
-from derive.expressions.scalars import Matrix, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.joints.records import Still, Turn
 from derive.joints.rotations import (
     IDENTITY,
     cross,
     difference,
     dot,
+    is_zero,
     matrix,
     merged,
     minus,
+    plus,
     product,
     rotated,
+    scaled,
     sum_of,
     transpose,
 )
 from derive.mechanics.constraints.records import Tie
 from derive.mechanics.frames import axes_in_plane, ground_rotation, on_ground, triad
 from derive.mechanics.limits import FLAT
-from derive.mechanics.records import Place, Row, RowForm, TwistTerm
+from derive.mechanics.records import Link, Place, Row, RowForm, TwistTerm
 from derive.mechanics.scene import NORMAL, NOTHING, Block, Scene
 from derive.mechanics.surfaces import nearest_point, surface_over
 from derive.mechanics.tree import ground_point, link_direction, link_point, relative_rotation
 from derive.model.constraint_records import Rolling
 from derive.model.space import ORIGIN
+
+Way = tuple[Vector, Vector]  # a direction, and r × direction, r from the centre to the contact
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """The body as its rows are written: in the frame of its link or, where it turns about its own
+    axis on another link, in that link's, which does not spin with it. `axis` and `centre` in that
+    frame; `spin`: the velocity of that turn and its motion, −1 where there is none."""
+
+    place: Place
+    axis: Vector
+    centre: Vector
+    spin: tuple[int, Vector] = (-1, NOTHING)
 
 
 def rolling(scene: Scene, constraint: Rolling) -> Block:
@@ -39,31 +57,54 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
 
     Disk: P = centre + r d with d = −(n − (n·e) e)/|…|, the steepest way down in the disk; torus: P
     = centre + r d − tube n; sphere: P = centre − r n. Directions: n, t₁ = e × n/|…| (forward), t₂ =
-    n × t₁; or, which is the same, the axes of the body's own frame. In the plane a wheel has n and
-    t₁ only.
+    n × t₁; or, which is the same, the axes of the frame it is written in. In the plane a wheel has
+    n and t₁ only.
     """
-    s = scene.symbols
-    place, base = scene.places[constraint.body], scene.places[constraint.carrier]
-    back = _from_carrier(scene, place, base)
+    base = scene.places[constraint.carrier]
+    wheel = _wheel(scene, constraint)
+    back = _from_carrier(scene, wheel.place, base)
     foot = _foot(scene, constraint)
-    n = rotated(back, foot.normal)
-    e = link_direction(place, s.vector(constraint.axis))
-    point = sum_of(
-        link_point(place, s.vector(constraint.centre)),
-        _to_contact(scene, constraint, n, e),
-    )
-    phi = foot.height if constraint.surface else _height(scene, constraint, place, point)
-    directions = _directions(scene, constraint, back, foot.normal, (n, e))
+    # the normal of a surface changes from place to place, that of a plane with its body alone
+    flat = constraint.surface is None and base.link < 0
+    normal = _normal(scene, wheel, flat, rotated(back, foot.normal))
+    contact, directions = _contact(scene, constraint, wheel.axis, normal.letters, back)
+    point = normal.put_in(sum_of(wheel.centre, contact))
+    phi = foot.height if constraint.surface else _height(scene, constraint, wheel.place, point)
     names = [f"{constraint.name}.{k}" for k in ("normal", "forward", "sideways")]
-    links = (place.link, base.link)
-    rows = tuple(_moving_row(scene, name, links, d, point) for name, d in zip(names, directions))
-    along_body = tuple(
-        _moving_row(scene, f"{constraint.name} {'xyz'[k]}", links, IDENTITY[k], point)
-        for k in axes_in_plane(scene, place.link)
+    links = (wheel.place.link, base.link)
+    rows = tuple(
+        _moving_row(normal, name, links, wheel, point, way) for name, way in zip(names, directions)
     )
+    along_body = tuple(
+        _moving_row(normal, f"{constraint.name} {'xyz'[k]}", links, wheel, point,
+                    (IDENTITY[k], cross(contact, IDENTITY[k])))
+        for k in axes_in_plane(scene, wheel.place.link)
+    )  # fmt: skip
     marks = tuple(Row(row.name, 0 if i == 0 else -1, "m/s") for i, row in enumerate(rows))
     ways = (rows, along_body) if len(along_body) == len(rows) else (rows,)
     return Block(marks, (phi,), ways)
+
+
+def _wheel(scene: Scene, constraint: Rolling) -> Wheel:
+    s, place = scene.symbols, scene.places[constraint.body]
+    axis = link_direction(place, s.vector(constraint.axis))
+    centre = link_point(place, s.vector(constraint.centre))
+    link = scene.links[place.link] if place.link >= 0 else None
+    if link is None or link.parent < 0 or not _spins(link, axis, difference(centre, link.b)):
+        return Wheel(place, axis, centre)
+    still = matrix(tuple(x for x in link.rotation if isinstance(x, Still)))
+    middle = sum_of(link.a, rotated(still, difference(centre, link.b)))
+    motion = rotated(still, list(link.motion[0][:3]))
+    return Wheel(Place(link.parent, (), NOTHING), rotated(still, axis), middle,
+                 (link.columns[0], motion))  # fmt: skip
+
+
+def _spins(link: Link, axis: Vector, centre: Vector) -> bool:
+    """Whether the link turns about the axis of the body, through its centre."""
+    if link.turns_about < 0 or sum(isinstance(x, Turn) for x in link.rotation) != 1:
+        return False
+    beside = [k for k in range(3) if k != link.turns_about]
+    return all(is_zero(x[k]) for x in (axis, centre) for k in beside)
 
 
 def _from_carrier(scene: Scene, place: Place, base: Place) -> Matrix:
@@ -75,21 +116,40 @@ def _from_carrier(scene: Scene, place: Place, base: Place) -> Matrix:
     return matrix(merged(turned, base.rotation))
 
 
-def _to_contact(scene: Scene, constraint: Rolling, n: Vector, e: Vector) -> Vector:
-    """From the centre to the lowest point, in the link's frame. AssumptionError for a disk that
-    lies flat on the plane however the body moves: it has no lowest point."""
+def _contact(
+    scene: Scene, constraint: Rolling, e: Vector, n: Vector, back: Matrix
+) -> tuple[Vector, list[Way]]:
+    """From the centre to the contact, r, in the wheel's frame; and n, forward and sideways, each
+    with r × direction."""
     s = scene.symbols
     radius = s.scalar(constraint.radius)
     if scene.model.plane or constraint.shape == "sphere":
-        return [dot([-radius], [x]) for x in n]
-    across = dot(n, e)
-    down = [-(x - across * y) for x, y in zip(n, e)]
-    size = dot(down, down)
+        contact = [dot([-radius], [x]) for x in n]
+        directions = _directions(scene, constraint, back, n)
+        return contact, [(d, cross(contact, d)) for d in directions]
+    forward, length = _forward(scene, constraint, e, n)
+    tube, sideways = s.scalar(constraint.tube), cross(n, forward)
+    contact = difference(scaled(radius, cross(e, forward)), scaled(tube, n))
+    if constraint.surface is not None:
+        directions = _directions(scene, constraint, back, n)
+        return contact, [(d, cross(contact, d)) for d in directions]
+    turning = [
+        scaled(dot([radius], [dot(n, e)]), forward),
+        [minus(0.0, x) for x in sum_of(scaled(radius, e), scaled(tube, sideways))],
+        scaled(plus(dot([radius], [length]), tube), forward),
+    ]
+    return contact, list(zip([n, forward, sideways], turning))
+
+
+def _forward(scene: Scene, constraint: Rolling, e: Vector, n: Vector) -> tuple[Vector, Scalar]:
+    """e × n/|e × n|, and that length. AssumptionError for a disk that lies flat on the plane
+    however the body moves: it has no lowest point."""
+    across = cross(e, n)
+    size = dot(across, across)
     if isinstance(size, float) and size < FLAT**2:
         raise AssumptionError(_flat(scene, constraint))
     length = ca.sqrt(size)
-    tube = s.scalar(constraint.tube)
-    return [radius * x / length - tube * y for x, y in zip(down, n)]
+    return [x / length if not is_zero(x) else 0.0 for x in across], length
 
 
 def _flat(scene: Scene, constraint: Rolling) -> Diagnostic:
@@ -126,23 +186,18 @@ def _foot(scene: Scene, constraint: Rolling) -> Foot:
     return Foot([normal[k] for k in range(3)], height)
 
 
-def _directions(
-    scene: Scene, constraint: Rolling, back: Matrix, normal: Vector, axes: tuple[Vector, Vector]
-) -> list[Vector]:
-    """n, forward and sideways; a sphere has no axis to tell forward by, the axes of the plane's own
-    body do: on a surface forward is at right angles to its y."""
-    n, e = axes
+def _directions(scene: Scene, constraint: Rolling, back: Matrix, n: Vector) -> list[Vector]:
+    """n, forward and sideways of a body without an axis to tell forward by: the axes of the plane's
+    own body do; on a surface forward is at right angles to its y."""
     if scene.model.plane:
         return [n, cross(NORMAL[scene.model.plane], n)]
-    if constraint.surface is not None:
-        e = rotated(back, [0.0, 1.0, 0.0])
-    elif constraint.shape == "sphere":
-        unit = np.array([float(x) for x in normal])
+    if constraint.surface is None:
+        unit = np.array([float(x) for x in scene.symbols.vector(constraint.normal)])
         first, second, _ = np.array(matrix(triad(unit.tolist(), ""))).T.tolist()
         return [n, rotated(back, first), rotated(back, second)]
-    forward = cross(e, n)
+    forward = cross(rotated(back, [0.0, 1.0, 0.0]), n)
     length = ca.sqrt(dot(forward, forward))
-    unit_forward = [x / length for x in forward]
+    unit_forward: Vector = [x / length for x in forward]
     return [n, unit_forward, cross(n, unit_forward)]
 
 
@@ -156,30 +211,77 @@ def _height(scene: Scene, constraint: Rolling, place: Place, point: Vector) -> c
     return ca.SX(dot(normal, difference(ground, origin)))
 
 
+@dataclass(frozen=True)
+class _Normal:
+    """The normal in the wheel's frame. Rows are written over letters that stand for it, and
+    differentiated along its own rate: n fixed in the ground turns with ṅ = −ω × n."""
+
+    scene: Scene
+    letters: Vector
+    value: Vector
+    turning: Vector | None  # ṅ; None where it is a function of t and q like any other
+
+    def put_in(self, entries: Vector) -> Vector:
+        """With the normal in the place of its letters."""
+        if self.turning is None or not entries:
+            return entries
+        letters, value = ca.vertcat(*self.letters), ca.vertcat(*self.value)
+        found = ca.substitute(ca.vertcat(*entries), letters, value)
+        return [x if isinstance(x, float) else found[i] for i, x in enumerate(entries)]
+
+    def rate(self, entries: Vector) -> Vector:
+        """d/dt of functions of the letters, or of t and q."""
+        column = ca.vertcat(*entries)
+        if self.turning is None:
+            rates = self.scene.rate(column)
+        else:
+            rates = ca.jtimes(column, ca.vertcat(*self.letters), ca.vertcat(*self.turning))
+        return self.put_in([rates[i] for i in range(len(entries))])
+
+
+def _normal(scene: Scene, wheel: Wheel, flat: bool, value: Vector) -> _Normal:
+    """With letters where it is fixed in the ground and all else in the link."""
+    inside = [*wheel.axis, *wheel.centre]
+    moving = ca.vertcat(scene.symbols.t, scene.symbols.q)
+    fixed = not ca.depends_on(ca.vertcat(*inside), moving)
+    link = wheel.place.link
+    if not flat or link < 0 or not fixed:
+        return _Normal(scene, value, value, None)
+    if any(ca.SX(x).is_constant() for x in value):
+        return _Normal(scene, value, value, None)
+    n = ca.SX.sym("n", 3)
+    turning = cross(value, scene.omegas[link])
+    return _Normal(scene, [n[0], n[1], n[2]], value, turning)
+
+
 def _moving_row(
-    scene: Scene, name: str, links: tuple[int, int], direction: Vector, point: Vector
+    normal: _Normal, name: str, links: tuple[int, int], wheel: Wheel, point: Vector, way: Way
 ) -> RowForm:
     """direction · (velocity of the body's point − that of the carrier's, at the same place); both
-    given in the body's link."""
-    link, carrier = links
-    terms = [_moving_term(scene, link, direction, point)]
+    given in the wheel's frame."""
+    scene, (link, carrier) = normal.scene, links
+    terms = [_moving_term(normal, link, wheel.centre, way)]
     if carrier >= 0:
         turned = matrix(relative_rotation(scene.links, carrier, link))
         ground = sum_of(scene.positions[link], rotated(scene.rotations[link], point))
         gap = difference(ground, scene.positions[carrier])
         inside = rotated(transpose(scene.rotations[carrier]), gap)
-        opposite: Vector = [minus(0.0, x) for x in rotated(turned, direction)]
-        terms.append(_moving_term(scene, carrier, opposite, inside))
-    return RowForm(name, tuple(terms))
+        opposite: Vector = [minus(0.0, x) for x in rotated(turned, way[0])]
+        terms.append(_moving_term(normal, carrier, inside, (opposite, NOTHING)))
+    j, motion = wheel.spin
+    spinning = 0.0 if j < 0 else dot(motion, way[1])
+    if is_zero(spinning):
+        return RowForm(name, tuple(terms))
+    (here,), (rate,) = normal.put_in([spinning]), normal.rate([spinning])
+    return RowForm(name, tuple(terms), ((j, here),), 0.0, -dot([rate], [scene.symbols.v[j]]))
 
 
-def _moving_term(scene: Scene, link: int, direction: Vector, point: Vector) -> TwistTerm:
-    """A term whose direction and point move in the link: their rates by differentiation along the
-    motion."""
+def _moving_term(normal: _Normal, link: int, point: Vector, way: Way) -> TwistTerm:
+    """A term whose direction, point and moment move in the link."""
     # the contact wanders over the body: its rate is no velocity of a material point
-    rates = scene.rate(ca.vertcat(*direction, *point))
-    parts: Vector = [rates[i] for i in range(6)]
-    return TwistTerm(link, direction, point, NOTHING, "state", parts[:3], parts[3:], NOTHING)
+    entries = [*way[0], *point, *way[1]]
+    here, rates = normal.put_in(entries), normal.rate(entries)
+    return TwistTerm(link, here[:3], here[3:6], here[6:], "state", rates[:3], rates[3:6], rates[6:])
 
 
 ROLLING = Tie(Rolling, rolling)

@@ -12,6 +12,7 @@ from derive.mechanics.loads.armature import ARMATURE, armatures
 from derive.mechanics.loads.bushing import BUSHING
 from derive.mechanics.loads.contact import CONTACT
 from derive.mechanics.loads.damper import JOINT_DAMPER
+from derive.mechanics.loads.exhaust import EXHAUST
 from derive.mechanics.loads.expression import EXPRESSION
 from derive.mechanics.loads.force import FORCE
 from derive.mechanics.loads.friction import JOINT_FRICTION
@@ -38,6 +39,7 @@ LAWS = (
     WRENCH,
     TENSION,
     CONTACT,
+    EXHAUST,
 )
 LAW_OF = {law.record: law.applied for law in LAWS}
 

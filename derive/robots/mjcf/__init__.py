@@ -10,6 +10,7 @@ from derive.robots.markup import Budget, Element
 from derive.robots.mjcf.actuators import actuators, tendons
 from derive.robots.mjcf.bodies import Scene, walk
 from derive.robots.mjcf.settings import included, settings
+from derive.robots.mjcf.sites import sites
 from derive.robots.mjcf.ties import equalities
 from derive.robots.robot import Reading, Robot, counted
 
@@ -39,6 +40,7 @@ def robot(
     equalities(reading, root, known, scene)
     actuators(reading, root, known, scene)
     reading.finish()
+    sites(reading, scene)
     _notes(reading, root, scene)
     return result
 

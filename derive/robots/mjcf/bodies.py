@@ -43,6 +43,7 @@ class Scene:
     joints: dict[str, Joint] = field(default_factory=dict[str, Joint])
     references: dict[str, float] = field(default_factory=dict[str, float])
     sites: dict[str, tuple[str, Frame]] = field(default_factory=dict[str, tuple[str, Frame]])
+    site_elements: dict[str, Element] = field(default_factory=dict[str, Element])
     geoms: int = 0
 
 
@@ -144,6 +145,7 @@ def _below(
                 vector(reading, site, "pos"), orientation(reading, site, scene.settings)
             )
             scene.sites[site.get("name")] = (name, place)
+            scene.site_elements[site.get("name")] = child
         scene.geoms += child.tag == "geom"
     return found
 

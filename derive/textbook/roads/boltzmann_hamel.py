@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import casadi as ca
 
+from derive.diagnostics import AssumptionError
+from derive.model.load_records import Exhaust
 from derive.textbook.coefficients import Coefficients
 from derive.textbook.forces import active, along, solved
 from derive.textbook.manuscript import Manuscript
@@ -21,6 +23,7 @@ SHORT = 60  # operations of a coefficient that is
 
 
 def _write(doc: Manuscript) -> None:
+    _check_masses(doc)
     nonideal(doc)
     found = Coefficients(doc.terms)
     _directions(doc, found)
@@ -28,6 +31,16 @@ def _write(doc: Manuscript) -> None:
     _momenta(doc, found)
     _equations(doc, found)
     final(doc)
+
+
+def _check_masses(doc: Manuscript) -> None:
+    """The rate of the momentum of a body that loses mass holds what leaves, too."""
+    for load in doc.system.model.loads:
+        if isinstance(load, Exhaust):
+            raise AssumptionError(
+                f"the mass of '{load.body}' depends on t, and this road differentiates momenta",
+                "another road: block_inversion, kane, gibbs_appell",
+            )
 
 
 def _directions(doc: Manuscript, found: Coefficients) -> None:

@@ -56,6 +56,50 @@ def frames(count: int) -> NDArray[np.int64]:
 
 def moving(system: System, t: Vector, q: Vector, p: Vector) -> Moving:
     """The motion q (a row for each time of t, in SI units)."""
+    stage = staged(system, t, q, p)
+    scene, parts = stage.scene, stage.parts
+    data = {
+        "t": [round(float(x), 9) for x in t],
+        "poses": _packed(stage.poses),
+        "shapes": [shape_data(scene, x) for x in parts],
+        "view": view_data(scene),
+        "traces": [[at.body, *at.at, name] for name, at in scene.traced],
+        "follow": stage.follow,
+        "box": [round(x, 1) for x in stage.box],
+    }
+    first = tuple(stage.marks_at(0, scene))
+    return Moving(data, first, stage.box, bar_width(scene))
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The scene of a motion at a scale at which it fits: its shapes, the poses of all bodies at
+    every frame, the box of the picture, and the body that it follows (−1 for none)."""
+
+    scene: Scene
+    parts: Sequence[Shape]
+    poses: Vector
+    follow: int
+    box: tuple[float, float, float, float]
+
+    def at(self, frame: int) -> Scene:
+        """The scene at a frame."""
+        return replace(self.scene, poses=tuple(pose(x) for x in self.poses[frame]))
+
+    def marks_at(self, frame: int, scene: Scene) -> list[Mark]:
+        """What is on the paper at a frame, whose scene this is."""
+        x, y = self.base(frame)
+        return [mark.moved(-x, -y) for mark in marks(scene, self.parts)]
+
+    def base(self, frame: int) -> tuple[float, float]:
+        """Where on the paper the body is that the picture follows."""
+        if self.follow < 0:
+            return 0.0, 0.0
+        return self.scene.view.paper(self.poses[frame, self.follow, 9:])
+
+
+def staged(system: System, t: Vector, q: Vector, p: Vector) -> Stage:
+    """The stage of the motion q (a row for each time of t, in SI units)."""
     names = [c.name for c in system.model.coordinates]
     spans = {
         name: (float(low), float(high))
@@ -70,18 +114,7 @@ def moving(system: System, t: Vector, q: Vector, p: Vector) -> Moving:
         by = WIDTH / max(box[2:])
         scene = replace(scene, view=replace(scene.view, scale=by * scene.view.scale))
         parts, box = _drawn(scene, poses, follow)
-    data = {
-        "t": [round(float(x), 9) for x in t],
-        "poses": _packed(poses),
-        "shapes": [_shape(scene, x) for x in parts],
-        "view": _view(scene),
-        "traces": [[at.body, *at.at, name] for name, at in scene.traced],
-        "follow": follow,
-        "box": [round(x, 1) for x in box],
-    }
-    base = scene.view.paper(poses[0, follow, 9:]) if follow >= 0 else (0.0, 0.0)
-    first = tuple(mark.moved(-base[0], -base[1]) for mark in marks(scene, parts))
-    return Moving(data, first, box, bar_width(scene))
+    return Stage(scene, parts, poses, follow, box)
 
 
 def _drawn(
@@ -164,15 +197,16 @@ def _reach(scene: Scene, poses: Vector) -> tuple[Vector, ...]:
     return tuple(row[index][9:] for row in poses for index in sorted(rolling) if index != GROUND)
 
 
-def _view(scene: Scene) -> dict[str, Any]:
+def view_data(scene: Scene) -> dict[str, Any]:
+    """The parallel projection."""
     view = scene.view
     vectors = {"right": view.right, "up": view.up, "toward": view.toward}
     numbers = {name: [round(float(x), 9) for x in vector] for name, vector in vectors.items()}
     return numbers | {"scale": float(f"{view.scale:.9g}"), "flat": view.flat}
 
 
-def _shape(scene: Scene, shape: Shape) -> dict[str, Any]:
-    """Keys are short: there may be thousands."""
+def shape_data(scene: Scene, shape: Shape) -> dict[str, Any]:
+    """One shape. Keys are short: there may be thousands."""
     step = scene.view.pixel / 20
     digits = max(0, int(np.ceil(-np.log10(step)))) if step < 1 else 0
     carriers = [at.body for at in shape.spots]

@@ -32,7 +32,7 @@ class Bodies:
         self.names = (*own, *points, *(x.label for x in dials))
 
     @cached_property
-    def _function(self) -> ca.Function:
+    def function(self) -> ca.Function:
         """(t, q, p) → 12 numbers a body."""
         links, places = self.system.links, dict(self.system.places)
         rotations = ground_rotations(links)
@@ -49,12 +49,12 @@ class Bodies:
 
     def many(self, t: Vector, q: Vector, p: Vector) -> Vector:
         """At k states (rows of q): k × bodies × 12."""
-        numbers = self._function.map(len(t))(t[None, :], q.T, np.tile(p[:, None], (1, len(t))))
+        numbers = self.function.map(len(t))(t[None, :], q.T, np.tile(p[:, None], (1, len(t))))
         return np.asarray(numbers).T.reshape(len(t), len(self.names), MOVING)
 
     def at(self, t: float, q: Vector, p: Vector) -> tuple[Pose, ...]:
         """At one state."""
-        rows = np.asarray(self._function(t, q, p)).reshape(len(self.names), MOVING)
+        rows = np.asarray(self.function(t, q, p)).reshape(len(self.names), MOVING)
         return tuple(pose(row) for row in rows)
 
 

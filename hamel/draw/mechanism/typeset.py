@@ -52,7 +52,7 @@ def _piece(tokens: list[str], k: int, look: str, level: int) -> tuple[list[Run],
         return _group(tokens, k + 1, look, level)
     if token in "_^" and k + 1 < len(tokens):
         return _piece(tokens, k + 1, look, -1 if token == "_" else 1)
-    if token == r"\_":
+    if token in (r"\_", r"\,"):
         return [Run(" ", look, level)], k + 1
     name = token[1:] if token.startswith("\\") else ""
     if name in _UPRIGHT and k + 1 < len(tokens):

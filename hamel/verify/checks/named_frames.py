@@ -37,6 +37,9 @@ def poses(e: Evidence) -> float | None:
         deviation(_results(e, name), [s.pose for s in _motions(e, frame, "")], unit=unit)
         for name, frame, _ in functions_of(e, "pose")
     ]
+    for name, frame, _ in functions_of(e, "pose_quaternion"):
+        own = [_from_quaternion(result) for result in _results(e, name)]
+        errors.append(deviation(own, [s.pose for s in _motions(e, frame, "")], unit=unit))
     for name, frame, _ in functions_of(e, "pose_jacobian"):
         motions = _motions(e, frame, "")
         own = np.concatenate([np.ravel(unit), np.ravel(_jacobian_unit(e, e.units.v))])
@@ -44,6 +47,18 @@ def poses(e: Evidence) -> float | None:
         sums = Sums(TERMS, [1.0 + worst(x / own) for x in both])
         errors.append(deviation(_results(e, name), both, unit=own, sums=sums))
     return worst(errors) if errors else None
+
+
+def _from_quaternion(seven: Array) -> Array:
+    """[R p] of p and (w, x, y, z); R is none of a rotation where the length is not one, or where
+    the largest entry is negative."""
+    p, q = np.ravel(seven)[:3], np.ravel(seven)[3:]
+    if q[np.argmax(np.abs(q))] < 0.0:
+        return np.full((3, 4), np.inf)
+    w, (x, y, z) = q[0], q[1:]
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    R = (w * w - q[1:] @ q[1:]) * np.eye(3) + 2.0 * np.outer(q[1:], q[1:]) + 2.0 * w * skew
+    return np.column_stack([R, p])
 
 
 def jacobians(e: Evidence) -> float | None:

@@ -126,11 +126,21 @@ def _ten(mass: float, com: Array, about_com: Array) -> Array:
     return np.array([mass, *(mass * com), *(tensor[i, j] for i, j in places)])
 
 
+# a body without mass, whichever way the file gives its numbers
+NOTHING: dict[str, Any] = {
+    "mass": ZERO,
+    "com": (ZERO,) * 3,
+    "inertia": (ZERO,) * 6,
+    "first_moment": None,
+    "about_origin": None,
+}
+
+
 def _changed(model: Model, e: Evidence, drawn: Drawn, factor: float) -> Model:
     bodies = {body.name: body for body in model.bodies}
     for group in groups(e.system):
         for name in group.bodies:
-            bodies[name] = replace(bodies[name], mass=ZERO, com=(ZERO,) * 3, inertia=(ZERO,) * 6)
+            bodies[name] = replace(bodies[name], **NOTHING)
         bodies[group.body] = _replaced(bodies[group.body], drawn.bodies[group.body], factor)
     loads = tuple(_load(load, drawn, factor) for load in model.loads)
     return replace(model, bodies=tuple(bodies.values()), loads=loads)
@@ -142,7 +152,8 @@ def _replaced(body: Body, numbers: tuple[float, Array, Array], factor: float) ->
     entries = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
     xx, yy, zz, xy, xz, yz = (Number(factor * float(entry)) for entry in entries)
     inertia = (xx, yy, zz, xy, xz, yz)
-    return replace(body, mass=Number(factor * mass), com=(x, y, z), inertia=inertia)
+    given = {"mass": Number(factor * mass), "com": (x, y, z), "inertia": inertia}
+    return replace(body, **(NOTHING | given))
 
 
 def _load(load: Any, drawn: Drawn, factor: float) -> Any:

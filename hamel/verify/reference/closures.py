@@ -3,7 +3,8 @@
 Two joint frames, one placed on each body, have origins p and axes a, b; the joint's axis is the
 third axis of both. φ and its order are the project's convention, for λ to mean the same: points
 first, p₂ − p₁ along the ground's axes or those of the frame that the model says (revolute, ball,
-universal, fixed), or along axes of the first frame (the sliding joints); then bⱼ · aᵢ of axes that stay at right angles.
+universal, fixed), or along axes of the first frame (the sliding joints); then bⱼ · aᵢ of axes that
+stay at right angles.
 """
 
 from __future__ import annotations

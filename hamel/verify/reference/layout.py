@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -44,13 +45,17 @@ class Layout:
 
     def twist(self, body: str) -> slice:
         """Where (ω, velocity of the origin) of a body stands in z; the first three are ω."""
-        start = self.nv + 6 * self.bodies.index(body)
+        start = self.nv + 6 * self._places[body]
         return slice(start, start + 6)
 
     def row(self, body: str) -> slice:
         """The same among the twists alone."""
-        start = 6 * self.bodies.index(body)
+        start = 6 * self._places[body]
         return slice(start, start + 6)
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {body: i for i, body in enumerate(self.bodies)}
 
 
 def layout(model: Model) -> Layout:

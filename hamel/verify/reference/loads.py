@@ -3,7 +3,9 @@ their power."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, is_dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from derive.model.load_records import (
     Armature,
     Bushing,
     Contact,
+    Exhaust,
     Force,
     GeneralisedForce,
     JointDamper,
@@ -26,6 +29,7 @@ from derive.model.load_records import (
 from derive.model.named_frames import frame_named
 from derive.model.records import GROUND, Body, Load, Model
 from hamel.verify.reference.contact import pressing
+from hamel.verify.reference.exhaust import lost
 from hamel.verify.reference.jets import Jet, dot, joint_frame, product
 from hamel.verify.reference.layout import Layout
 from hamel.verify.reference.paths import pull
@@ -79,22 +83,28 @@ def applied(model: Model, place: Layout, state: State, nonideal: bool = True) ->
     """Gravity, loads, inputs and, unless left out, the constraints' own nonideal forces and the
     loads that use reactions, summed."""
     gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
-    parts = [
-        _weight(gravity, body, place, state)
-        for body in model.bodies
-        if body.name not in _at_rest(model)
-    ]
-    parts += [
+    still = _at_rest(model)
+    weights = (
+        _weight(gravity, body, place, state) for body in model.bodies if body.name not in still
+    )
+    loads = (
         _load(load, model, place, state)
         for load in model.loads
         if nonideal or not uses_reactions(load)
-    ]
-    parts.append(_drive(model, place, state, nonideal))
-    weight, springs, other = (
-        np.sum([getattr(part, name) for part in parts], axis=0)
-        for name in ("weight", "springs", "other")
     )
-    V, summed = sum(part.V for part in parts), sum(part.summed for part in parts)
+    return _summed(place, chain(weights, loads, [_drive(model, place, state, nonideal)]))
+
+
+def _summed(place: Layout, parts: Iterable[Applied]) -> Applied:
+    """One after the other: of a long mechanism they would fill the memory together."""
+    weight, springs, other = (np.zeros(place.size) for _ in range(3))
+    V = summed = 0.0
+    for part in parts:
+        weight += part.weight
+        springs += part.springs
+        other += part.other
+        V += part.V
+        summed += part.summed
     return Applied(weight, springs, other, V, summed)
 
 
@@ -152,11 +162,25 @@ def _drive(model: Model, place: Layout, state: State, nonideal: bool) -> Applied
 def _conjugate(model: Model, state: State, velocity: str) -> Array:
     """g with g · v the velocity that a force is conjugate to: a generalized velocity, or the rate
     der(q) of any coordinate."""
-    for j, item in enumerate(model.velocities):
-        if item.name == velocity or (item.rate_of and velocity == f"der({item.rate_of})"):
-            return np.eye(len(model.velocities))[j]
-    coordinates = [f"der({coordinate.name})" for coordinate in model.coordinates]
-    return state.N[coordinates.index(velocity)]
+    j = place_of(model, velocity)
+    if j is not None:
+        return _unit(len(model.velocities), j)
+    return state.row(model.coordinate_index(velocity.removeprefix("der(").removesuffix(")")))
+
+
+def place_of(model: Model, velocity: str) -> int | None:
+    """Which generalized velocity that is, by its name or as the rate of a coordinate."""
+    try:
+        return model.velocity_index(velocity)
+    except ValueError:
+        rates = (j for j, x in enumerate(model.velocities) if f"der({x.rate_of})" == velocity)
+        return next(rates, None)
+
+
+def _unit(size: int, j: int) -> Array:
+    result = np.zeros(size)
+    result[j] = 1.0
+    return result
 
 
 def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
@@ -178,6 +202,11 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
         case Force():
             arm = state.frames[load.body].point(state.vector(load.point))
             return _on_body(place, load.body, _wrench(arm, _components(load, state)))
+        case Exhaust():
+            frame, left = state.frames[load.body], lost(model, load.body, state)
+            jet = frame.rotation @ state.vector(load.velocity)
+            arm = frame.point(state.vector(load.point))
+            return _on_body(place, load.body, _wrench(arm, state.value(left.mass) * jet))
         case Torque():
             return _on_body(
                 place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
@@ -233,10 +262,10 @@ def _components(load: Force | Torque, state: State) -> Array:
 
 def _joint_spring(spring: JointSpring, model: Model, place: Layout, state: State) -> Applied:
     """V = ½ k (q − rest)², force −k (q − rest) along the coordinate, Nᵀ of it along v."""
-    index = [coordinate.name for coordinate in model.coordinates].index(spring.coordinate)
+    index = model.coordinate_index(spring.coordinate)
     stiffness, stretch = state.value(spring.stiffness), state.q[index] - state.value(spring.rest)
     force = np.zeros(place.size)
-    force[: place.nv] = -stiffness * stretch * state.N[index]
+    force[: place.nv] = -stiffness * stretch * state.row(index)
     return _only(place, 0.5 * stiffness * stretch**2, springs=force)
 
 
@@ -301,6 +330,19 @@ def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:
                 sign * state.value(spring.damping) * rate * _wrench(arm, unit)
             )
     return _only(place, float(0.5 * stiffness * stretch**2), springs=pull, other=drag)
+
+
+def shrinking(model: Model, place: Layout, state: State) -> float:
+    """∂(T + V)/∂t of bodies that lose mass, at held q and v (W)."""
+    result = 0.0
+    gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
+    for load in model.loads:
+        if isinstance(load, Exhaust):
+            body, frame = lost(model, load.body, state), state.frames[load.body]
+            twist = np.concatenate([frame.omega, frame.velocity])
+            result += 0.5 * twist @ (body_inertia(body, state)[0] @ twist)
+            result += _weight(gravity, body, place, state).V
+    return float(result)
 
 
 def body_inertia(body: Body, state: State) -> tuple[Array, Array]:

@@ -33,6 +33,7 @@ from hamel.verify.reference.loads import (
     Lagrange,
     applied,
     body_inertia,
+    shrinking,
     uses_reactions,
 )
 from hamel.verify.reference.measures import values
@@ -271,6 +272,7 @@ def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
     z = np.concatenate([s.v, kin.J @ s.v])
     zdot = s.vector([state.rate for state in ref.model.states])
     power = float(loads.other @ z) + analytic.power + charging(ref.model, s, zdot)
+    power += shrinking(ref.model, ref.place, s)
     T, V, energy = _energies(ref, s, analytic, bodies)
     return Outcome(
         vdot=vdot, qdot=s.rates, lam=lam, kinematics=kin, M=M, h=h, Q=Q,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -57,8 +58,8 @@ class Seat:
 
 @dataclass(frozen=True)
 class State:
-    """t, q, v, u, p (behind the parameters first-order states) and what follows from them; N is nq
-    × nv, drift = Ṅ v, names and rates feed
+    """t, q, v, u, p (behind the parameters first-order states) and what follows from them; drift =
+    Ṅ v, names and rates feed
     formulas."""
 
     t: float
@@ -66,7 +67,7 @@ class State:
     v: Array
     u: Array
     p: Array
-    N: Array
+    blocks: tuple[tuple[slice, slice, Array], ...]  # of N: rows, columns, entries
     drift: Array
     rates: Array
     frames: dict[str, Frame]
@@ -74,6 +75,25 @@ class State:
     names: dict[str, Any]
     named_rates: dict[str, float]
     functions: Mapping[str, Any]
+
+    @cached_property
+    def N(self) -> Array:
+        """q̇ = N v, nq × nv."""
+        result = np.zeros((len(self.q), len(self.v)))
+        for rows, columns, entries in self.blocks:
+            result[rows, columns] = entries
+        return result
+
+    def row(self, i: int) -> Array:
+        """N's row of a coordinate."""
+        result = np.zeros(len(self.v))
+        rows, columns, entries = self._block_of[i]
+        result[columns] = entries[i - rows.start]
+        return result
+
+    @cached_property
+    def _block_of(self) -> dict[int, tuple[slice, slice, Array]]:
+        return {i: block for block in self.blocks for i in range(block[0].start, block[0].stop)}
 
     def value(
         self, expression: tree.Expression, further: Mapping[str, float] | None = None
@@ -105,16 +125,17 @@ def state(
     names = _values_by_name(model, t, q, v, u, p)
     functions = {**NUMERIC, **numeric(model.tables)}
     # placements and joint axes are formulas of parameters: they need names before there are frames
-    bare = State(t, q, v, u, p, np.zeros(0), np.zeros(0), np.zeros(0), {}, (), names, {}, functions)
+    bare = State(t, q, v, u, p, (), np.zeros(0), np.zeros(0), {}, (), names, {}, functions)
     for name, expression in model.definitions:
         if _is_known(expression, names):
             names[name] = bare.value(expression)
-    N, drift, frames, seats = _walk(model, bare)
-    rates = N @ v
-    named_rates = {c.name: rate for c, rate in zip(model.coordinates, rates)}
-    full = State(
-        t, q, v, u, p, N, drift, rates, frames, tuple(seats), names, named_rates, functions
-    )
+    blocks, drift, frames, seats = _walk(model, bare)
+    rates = np.zeros(len(q))
+    for rows, columns, entries in blocks:
+        rates[rows] += entries @ v[columns]
+    named_rates = {c.name: rate for c, rate in zip(model.coordinates, rates.tolist())}
+    places = frames, tuple(seats)
+    full = State(t, q, v, u, p, tuple(blocks), drift, rates, *places, names, named_rates, functions)
     names |= measured(full)
     for name, expression in model.definitions:
         names[name] = full.value(expression)
@@ -144,16 +165,17 @@ def _values_by_name(
     }
 
 
-def _walk(model: Model, numbers: State) -> tuple[Array, Array, dict[str, Frame], list[Seat]]:
-    """N and Ṅ v of all coordinates, the frames of all bodies and the joints' seats. Analytic
+def _walk(
+    model: Model, numbers: State
+) -> tuple[list[tuple[slice, slice, Array]], Array, dict[str, Frame], list[Seat]]:
+    """Blocks of N, Ṅ v of all coordinates, the frames of all bodies and the joints' seats. Analytic
     coordinates: q̇ = v."""
     index_q, index_v = _places(model.coordinates), _places(model.velocities)
-    N, drift = (
-        np.zeros((len(model.coordinates), len(model.velocities))),
-        np.zeros(len(model.coordinates)),
-    )
-    for row, column in zip(index_q.get("", []), index_v.get("", [])):
-        N[row, column] = 1.0
+    drift = np.zeros(len(model.coordinates))
+    blocks = [
+        (slice(row, row + 1), slice(column, column + 1), np.eye(1))
+        for row, column in zip(index_q.get("", []), index_v.get("", []))
+    ]
     frames, seats = {GROUND: STILL}, []
     for joint in model.joints:
         rows, columns = _range(index_q.get(joint.name, [])), _range(index_v.get(joint.name, []))
@@ -161,11 +183,12 @@ def _walk(model: Model, numbers: State) -> tuple[Array, Array, dict[str, Frame],
         axis2 = axis if joint.axis2 is None else numbers.vector(joint.axis2)
         kind = joint_motion(joint.type, joint.orientation, numbers.value(joint.pitch), axis2)
         motion = kind(numbers.q[rows], numbers.v[columns], axis)
-        N[rows, columns], drift[rows] = motion.N, motion.drift
+        blocks.append((rows, columns, motion.N))
+        drift[rows] = motion.drift
         seat, frame = _step(joint, columns, motion, numbers, frames[joint.parent])
         frames[joint.child] = frame
         seats.append(seat)
-    return N, drift, frames, seats
+    return blocks, drift, frames, seats
 
 
 def _places(items: Sequence[Any]) -> dict[str, list[int]]:

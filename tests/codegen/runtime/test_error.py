@@ -61,7 +61,7 @@ def test_it_is_no_less_than_the_error_and_not_a_thousand_times(
 def test_an_estimate_without_safety_is_seen(
     pendulum: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pendulum._simulate._error, "SAFETY", 0.1)
+    monkeypatch.setattr(pendulum._error, "SAFETY", 0.1)
     assert min(ratios(pendulum, "dopri5")) < 1
 
 

@@ -203,8 +203,8 @@ def test_ten_thousand_events_are_all_there(spring: ModuleType, many: int) -> Non
 def test_too_many_are_a_status_and_nothing_is_lost(
     spring: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    simulate = importlib.import_module(f"{spring.__name__}._simulate")
-    monkeypatch.setattr(simulate, "MOST_EVENTS", 100)
+    events = importlib.import_module(f"{spring.__name__}._events")
+    monkeypatch.setattr(events, "MOST_EVENTS", 100)
     events = {"often": lambda t, x: np.sin(1e3 * t)}
     how = {"events": events, "integrator": "rk4", "step_size": 1e-3}
     with pytest.raises(spring.Stopped, match="too many events") as caught:

@@ -227,9 +227,9 @@ def test_it_stops_after_many_steps(module: ModuleType) -> None:
 
 def test_progress_is_told(module: ModuleType) -> None:
     seen: list[float] = []
-    simulate = importlib.import_module(f"{module.__name__}._simulate")
+    one_motion = importlib.import_module(f"{module.__name__}._one_motion")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(simulate.BUDGET, module.backend, 20)
+        patch.setitem(one_motion.BUDGET, module.backend, 20)
         module.simulate((1.0, 6.0), [1.0, 0.0], progress=seen.append)
     assert len(seen) > 3 and seen == sorted(seen) and seen[-1] == 5.0
 

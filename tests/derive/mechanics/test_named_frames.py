@@ -15,6 +15,7 @@ from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.formulations.requests import request_of
 from derive.mechanics.coriolis import coriolis_matrix
+from derive.mechanics.named_frames import unit_quaternion
 from derive.mechanics.solve import scalars
 from derive.model import load_text
 from derive.states import system
@@ -189,3 +190,20 @@ def test_pose_and_jacobian_of_an_arm_take_few_operations():
     both = request_of(found, "pose_jacobian_flange").function.result.value
     assert operations(both) <= 125
     assert len(scalars(both)) == 12 + 36
+
+
+def test_a_unit_quaternion_of_every_turn_has_its_rotation():
+    """Also where it turns by half a circle, and none of w, x, y, z is divided by."""
+    R = ca.SX.sym("R", 3, 3)
+    rows = [[R[i, j] for j in range(3)] for i in range(3)]
+    at = ca.Function("q", [R], [ca.vertcat(*unit_quaternion(rows))])
+    rng = np.random.default_rng(0)
+    drawn = [*rng.normal(size=(50, 4)), *np.eye(4), [0.0, 0.6, 0.8, 0.0], [1e-9, 1.0, 0.0, 0.0]]
+    for q in drawn:
+        q = np.array(q) / np.linalg.norm(q)
+        w, v = q[0], q[1:]
+        skew = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+        matrix = np.eye(3) + 2.0 * w * skew + 2.0 * skew @ skew
+        found = np.array(at(matrix)).ravel()
+        assert found[np.argmax(np.abs(found))] > 0.0
+        np.testing.assert_allclose(found * np.sign(found @ q), q, atol=1e-15)

@@ -17,7 +17,7 @@ from derive.expressions import tree
 from derive.expressions.evaluate import number
 from derive.expressions.parser import expression, quantity
 from derive.expressions.tree import ONE, ZERO, Name, Number
-from derive.joints import JOINTS
+from derive.joints import CLOSURES, JOINTS
 from derive.model import KINDS, load, load_text, schema
 from derive.model.constraint_records import Distance, Holonomic, OnSurface, Rolling
 from derive.model.load_records import Armature, Bushing, JointDamper, JointFriction, JointSpring
@@ -196,7 +196,7 @@ def test_angle_of_a_planar_joint_may_be_a_parameter() -> None:
     )
 
 
-@pytest.mark.parametrize("kind", [joint.name for joint in JOINTS if joint.name != "free"])
+@pytest.mark.parametrize("kind", CLOSURES)
 def test_every_joint_closes_a_loop(kind: str) -> None:
     axis = "" if kind in ("ball", "fixed") else ", axis: x"
     pitch = ", pitch: p" if kind == "screw" else ""
@@ -620,7 +620,8 @@ def test_kinds_name_everything_once() -> None:
         for category in ("joint", "closure", "constraint", "load")
     }
     assert names["joint"] == [joint.name for joint in JOINTS]
-    assert names["closure"] == [joint.name for joint in JOINTS if joint.name != "free"]
+    assert names["closure"] == list(CLOSURES)
+    assert set(names["joint"]) - set(names["closure"]) == {"free", "point"}
     assert names["constraint"][:4] == ["holonomic", "nonholonomic", "no_slip", "rolling"]
     assert set(names["load"]) >= {"spring", "bushing", "friction", "armature"}
     assert all(about and "\n" not in about for _, _, about in KINDS)

@@ -226,7 +226,7 @@ ERRORS = [
         FLAT
         + "joints: {A: {type: «ball, parent: ground, child: a}, B: {type: planar, parent: ground, child: b}}\n",
         "a ball joint in a planar model",
-        "revolute, prismatic, planar, fixed",
+        "revolute, prismatic, planar, point, fixed",
         "",
     ),
     # placed frames

@@ -1350,7 +1350,7 @@ def test_rendering_shows_the_line_a_caret_and_the_nearest_name() -> None:
         load_text("model: a\nbodies:\n  b: {mas: 1}\n", "a.yaml")
     assert str(caught.value) == (
         "a.yaml:3:7: error: unknown key 'mas'\n    b: {mas: 1}\n        ^^^\n"
-        "  expected: mass, com, inertia, physical, about, symbol\n  did you mean 'mass'?"
+        "  expected: mass, com, inertia, exhaust, physical, about, symbol\n  did you mean 'mass'?"
     )
 
 

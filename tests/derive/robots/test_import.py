@@ -3,7 +3,7 @@ message for each bad file.
 
 Of derive.robots: limits.
 Of derive.robots: couplings, inertias, robot, urdf, writing.
-Of derive.robots.mjcf: actuators, bodies, settings, ties.
+Of derive.robots.mjcf: actuators, bodies, settings, sites, ties.
 """
 
 from __future__ import annotations
@@ -928,3 +928,16 @@ def test_no_text_is_too_strange_to_be_refused(text):
         markup.parsed(file)
     except ModelError as error:
         assert error.diagnostics
+
+
+def test_sites_with_a_name_are_frames(tmp_path):
+    """Of bodies, of the world, and beside a body of the same name; sites without one are not."""
+    file = tmp_path / "sites.xml"
+    file.write_text(
+        """<mujoco><worldbody><site name="table" pos="1 0 0"/>
+        <body name="arm"><joint name="hinge"/><geom size="0.1" mass="1"/>
+        <site name="tool" pos="0 0 0.2" euler="90 0 0"/><site name="arm" pos="0.1 0 0"/>
+        <site name="u" pos="0.1 0 0"/><site pos="1 1 1"/></body></worldbody></mujoco>"""
+    )
+    frames = {frame.name: frame.body for frame in imported(file).model.frames}
+    assert frames == {"table": "ground", "tool": "arm", "site_arm": "arm", "site_u": "arm"}

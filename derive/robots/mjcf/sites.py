@@ -1,0 +1,30 @@
+"""Sites of an MJCF file with a name: frames of the model."""
+
+from __future__ import annotations
+
+from derive.model.named_frames import TAKEN
+from derive.robots.mjcf.bodies import Scene
+from derive.robots.naming import Names
+from derive.robots.robot import Entry, Reading, quoted
+from derive.robots.writing import frame_text
+
+AMBIGUOUS = ("local_", "world_", "w_", "quaternion_", "jacobian_")
+
+
+def sites(reading: Reading, scene: Scene) -> None:
+    """Each by its own name, unless a body or joint has it or functions of it would not be clear."""
+    robot = scene.robot
+    names, taken = Names(), {body.name for body in robot.bodies}
+    taken |= {joint.name for joint in robot.joints}
+    for original, (body, place) in scene.sites.items():
+        if not original:
+            continue
+        name = names(original, "frame")
+        if name in taken or f"jacobian_{name}" in TAKEN or name.startswith(AMBIGUOUS):
+            name = names(f"site_{name}", "frame")
+        if name in taken:
+            continue
+        note = f"was {quoted(original)}" if name != original else ""
+        reading.renamed += bool(note)
+        element = scene.site_elements[original]
+        robot.frames.append(Entry(name, frame_text(body, place.at, place.turn), element, note))

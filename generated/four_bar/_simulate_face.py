@@ -1,0 +1,214 @@
+"""The face of `simulate`: what its arguments mean for a model, and what is refused.
+
+The same file in every generated folder. No claim of licence is made on it: 0BSD, see LICENSE.txt.
+"""
+
+import functools
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from ._error import coarser, estimate, rows
+from ._events import Watch
+from ._inputs import Callback, Feed, Source, Table, check_cover, source
+from ._many_motions import many
+from ._model_facts import Facts, Method
+from ._one_motion import Backend, Integration, controlled, follow
+from ._simulation import Simulation, Stopped
+
+TIMES = "simulate() needs finite times that do not decrease"
+
+
+@dataclass(frozen=True)
+class Request:
+    """The arguments of simulate() of the package, by their names."""
+
+    t_span: Any
+    x: Any
+    u: Any
+    p: Any
+    rtol: float
+    atol: float
+    times: Any
+    max_steps: int
+    progress: Any
+    integrator: str | None = None
+    enforcement: str | None = None
+    step_size: float | None = None
+    sample: Any = None
+    chart: int = 0
+    threads: int = 1
+    events: Any = None
+    error: bool = False
+
+
+def run(facts: Facts, backend: Backend, request: Request) -> Simulation:
+    """The motion that was asked for, or many. Raises Stopped, ValueError, TypeError."""
+    if request.integrator == "auto":
+        request = replace(request, integrator=_automatic(facts, request))
+    found, remarks = _found(facts, backend, request)
+    for remark in remarks:  # for who called simulate() of the package
+        warnings.warn(remark, RuntimeWarning, stacklevel=4)
+    method = facts.methods[_number("integrator", request.integrator, facts.integrators)]
+    found = replace(found, integrator=method.name)
+    if not request.error:
+        return found
+    companion = _companion(facts, backend, request, found, method)
+    apart = estimate(found, companion, method.order, request.rtol)
+    if facts.frame:
+        apart[..., facts.nq :] = np.nan  # w is along directions of each motion's own
+    return replace(found, error=apart)
+
+
+def _companion(
+    facts: Facts, backend: Backend, request: Request, found: Simulation, method: Method
+) -> Simulation:
+    """A coarser motion, to be compared with the one that was found."""
+    rtol, atol, step_size = coarser(request.rtol, request.atol, request.step_size, method.order)
+    coarse = replace(request, rtol=rtol, atol=atol, step_size=step_size, events=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of motions that the caller does not see
+        try:
+            asked = replace(coarse, times=rows(found.t), progress=None)
+            return _found(facts, backend, asked)[0]
+        except Stopped as stopped:
+            return stopped.partial
+
+
+def _automatic(facts: Facts, request: Request) -> str:
+    """An integrator for that tolerance: for one motion its series where these are short, else an
+    explicit method."""
+    smooth = request.sample is not None or not callable(request.u)
+    usual = request.step_size is None and request.enforcement not in facts.staged
+    short = request.rtol <= facts.limits.series
+    if smooth and usual and short and _is_one(request):
+        return "taylor"
+    wanted = "verner9" if request.rtol <= facts.limits.tight else "dop853"
+    return wanted if wanted in facts.integrators else facts.integrators[0]
+
+
+def _is_one(request: Request) -> bool:
+    """Is it one motion, as far as leading axes tell?"""
+    values: list[Any] = []
+    for given in (request.t_span, request.times, request.x, request.u, request.p):
+        mapping = isinstance(given, dict)
+        values += cast(dict[str, Any], given).values() if mapping else [given]
+    return not any(np.ndim(value) > 1 for value in values if not isinstance(value, Table))
+
+
+def _number(kind: str, name: str | None, known: Sequence[str]) -> int:
+    """The number of what is called so; the first where no name is given."""
+    if name is not None and name not in known:
+        raise ValueError(f"simulate() has no {kind} {name!r} here; it has {', '.join(known)}")
+    return 0 if name is None else known.index(name)
+
+
+def _found(facts: Facts, backend: Backend, request: Request) -> tuple[Simulation, list[str]]:
+    """Motions, and what there is to say about them."""
+    start, t = _times(facts, request)
+    method, how = _how(facts, request)
+    inputs = _source(facts, request, method, start, t[..., -1])
+    p = facts.parameters(request.p)
+    given, lead = facts.shared.prepare("dynamics", start, request.x, inputs.constant, p)
+    lead = np.broadcast_shapes(lead, t.shape[:-1], inputs.lead)
+    by = Integration(
+        facts,
+        backend,
+        how,
+        (request.rtol, request.atol),
+        request.max_steps,
+        request.progress,
+        _feed(facts, inputs, request.sample, lead),
+        request.threads,
+        _watch(facts, request.events),
+    )
+    asked = (inputs.function, request.sample)
+    if lead:
+        arrays = {"t0": given[0], "times": t, "x": given[1], "u": given[2], "p": given[3]}
+        return many(by, arrays, lead, asked), by.remarks
+    u, p = (np.ascontiguousarray(value) for value in given[2:])
+    if request.sample is None:
+        return follow(by, start, given[1], t, (u, p)), by.remarks
+    return controlled(by, start, given[1], t, p, asked), by.remarks
+
+
+def _times(facts: Facts, request: Request) -> tuple[np.ndarray, np.ndarray]:
+    """Where motions start, and their output times."""
+    span = facts.shared.real("simulate", "t_span", request.t_span)
+    times = request.times
+    t = np.ascontiguousarray(
+        span if times is None else facts.shared.real("simulate", "times", times)
+    )
+    if not span.ndim or not span.shape[-1] or not t.ndim or not t.shape[-1]:
+        raise ValueError(TIMES)
+    start = span[..., 0]
+    if np.any(np.diff(t) < 0) or np.any(t[..., 0] < start):
+        raise ValueError(TIMES)
+    if not (np.isfinite(t).all() and np.isfinite(start).all()):
+        raise ValueError(TIMES)
+    return start, t
+
+
+def _how(facts: Facts, request: Request) -> tuple[Method, Mapping[str, Any]]:
+    """The integrator, and the entries of a simulation at its start."""
+    step_size = request.step_size
+    if not (request.rtol > 0 and request.atol > 0):
+        raise ValueError("simulate() needs tolerances above zero")
+    if step_size is not None and not 0 < step_size < np.inf:
+        raise ValueError("simulate() needs a step_size above zero")
+    number = _number("integrator", request.integrator, facts.integrators)
+    enforcement = _number("enforcement", request.enforcement, facts.enforcements)
+    method, name = facts.methods[number], facts.enforcements[enforcement]
+    if step_size is None and method.stepped:
+        raise ValueError(
+            f"simulate() needs a step_size for {method.name}, which has no step control"
+        )
+    if method.exact and name in facts.staged:
+        raise ValueError(
+            f"simulate(): {method.name} does not fit the enforcement {name}, which acts at every "
+            "stage"
+        )
+    how = {"integrator": number, "enforcement": enforcement, "step_size": step_size or 0.0}
+    return method, {**how, "choice": request.chart} if facts.charts else how
+
+
+def _source(facts: Facts, request: Request, method: Method, start: Any, end: Any) -> Source:
+    """The inputs as they are asked for, if they can be."""
+    real = functools.partial(facts.shared.real, "simulate", "u")
+    inputs = source(request.u, facts.inputs, real)
+    check_cover(inputs.tables, facts.inputs, start, end)
+    if request.sample is not None and inputs.function is None:
+        raise ValueError(
+            "simulate() has sample times, but no function as u that is to be asked then"
+        )
+    if inputs.function is not None and request.sample is None and method.exact:
+        raise ValueError(
+            f"simulate() needs sample times for a function as u with {method.name}, which needs "
+            "the exact Jacobian or series"
+        )
+    return inputs
+
+
+def _watch(facts: Facts, events: Any) -> Watch | None:
+    """The events of the model and those that were asked for; None where there are none."""
+    if events is False or not (facts.events or events):
+        return None
+    watch = Watch(facts.events, events, facts.nx + facts.frame, facts.real)
+    if watch.functions:
+        watch.callback = Callback(watch.values, facts.nx, len(watch.functions), facts.real)
+    return watch
+
+
+def _feed(facts: Facts, inputs: Source, sample: Any, lead: tuple[int, ...]) -> Feed | None:
+    """Inputs that change within a stretch of the motion; None where they are constant there."""
+    if not inputs.changes or sample is not None:
+        return None
+    function, callback = inputs.function, None
+    if function is not None:
+        callback = Callback(function, facts.nx, len(facts.inputs), facts.real)
+    feed = Feed(inputs, callback, facts.real)
+    feed.spread(lead, np.broadcast_shapes(inputs.lead, inputs.constant.shape[:-1]))
+    return feed

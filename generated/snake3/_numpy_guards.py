@@ -1,0 +1,99 @@
+"""Guards on the way of a motion in NumPy: what must not vanish, and whether a motion across a
+singular position may be believed, as in runtime_enforcements.h and runtime_simulate.h.
+
+The same file in every generated folder. No claim of licence is made on it: 0BSD, see LICENSE.txt.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from ._numpy_motion import Failed, Motion
+from ._runge_kutta import Step
+from ._simulation import Status
+
+CUTS = (0.37, 0.61, 0.23)  # of a step that is made again in two
+FOLLOWED = 0.8  # of the speed: a jump of the rates that no step follows
+NEAR = 0.1  # of the largest: a guard that positions off the constraints may mislead
+
+
+def guards(motion: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Last values, largest sizes and rates of the guards there are here."""
+    state, count = motion.state, motion.facts.guards[motion.chart]
+    return state["guard"][:count], state["guard_size"][:count], state["guard_rate"][:count]
+
+
+def looked(motion: Motion, t: Any, h: Any, z: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Guards at z and whether one was crossed. Raises Failed at a singular position."""
+    last, size, rate = guards(motion)
+    values, limits = motion.facts.array(last.size), motion.facts.limits
+    if last.size and motion.call("guards", t, z, values):
+        raise Failed(Status.SINGULAR_POSITION)
+    drift = _drift(motion, t, z)
+    left = np.abs(values) / np.maximum(size, np.abs(values))
+    misled = (left < NEAR) & (drift > limits.drift * left * left)
+    if not (left > limits.pivot).all() or misled.any():
+        raise Failed(Status.SINGULAR_POSITION)
+    before = np.abs(last) + 1.2 * h * np.minimum(rate, 0.0)
+    return values, bool(((size > 0) & ((values * last < 0) | (before < 0))).any())
+
+
+def _drift(motion: Motion, t: Any, z: np.ndarray) -> Any:
+    """How far positions are off the constraints."""
+    if not motion.facts.positions:
+        return 0.0
+    violation = motion.values("constraints", t, z)
+    return np.abs(violation[: motion.facts.positions]).max()
+
+
+def remember(motion: Motion, h: Any, values: np.ndarray) -> None:
+    """The guards after a step of length h."""
+    last, size, rate = guards(motion)
+    change = np.abs(values) - np.abs(last)
+    rate[:] = np.where(values * last > 0, change / h, 0.0) if h > 0 else 0.0
+    last[:], size[:] = values, np.maximum(size, np.abs(values))
+
+
+def forget(motion: Motion) -> None:
+    """Begin anew with the guards where the state is. Raises Failed."""
+    state = motion.state
+    state["guard"], state["guard_size"], state["guard_rate"] = 0.0, 0.0, 0.0
+    begin(motion)
+
+
+def begin(motion: Motion) -> None:
+    """With the guards where the state is. Raises Failed."""
+    remember(motion, 0.0, looked(motion, motion.state["t"], 0.0, motion.state["x"])[0])
+
+
+def passed(motion: Motion, step: Step, end: Any, z: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """The guards at z, if the step to there may be believed. Raises Failed."""
+    values, crossed = looked(motion, end, step.h, z)
+    if crossed and not _believed(motion, step, end, z, slope):
+        raise Failed(Status.SINGULAR_POSITION)
+    motion.state["crossings"] += crossed
+    return values
+
+
+def _believed(motion: Motion, step: Step, end: Any, z: np.ndarray, slope: np.ndarray) -> bool:
+    """Whether the rates of the coordinates do not jump and other steps lead to z too."""
+    nq, own = motion.facts.nq, step.stages[0]
+    jump, speed = np.abs((slope - own)[:nq]).max(), np.abs(own[:nq]).max()
+    if jump > FOLLOWED * speed:
+        return False
+    return any(_agrees(motion, step, step.t + cut * step.h, end, z, slope) for cut in CUTS)
+
+
+def _agrees(
+    motion: Motion, step: Step, cut: Any, end: Any, z: np.ndarray, slope: np.ndarray
+) -> bool:
+    """Whether the step, cut in two there, leads to z too, and to its rates of the coordinates."""
+    own, nq = step.stages[0], motion.facts.nq
+    try:
+        middle, bend = motion.landed(step.t, cut, step.y, own)
+        again, last = motion.landed(cut, end, middle, bend)
+    except Failed:
+        return False
+    differ, speed = np.abs((last - slope)[:nq]).max(), np.abs(own[:nq]).max()
+    within = min(10 * motion.rtol, motion.facts.limits.agreement) * speed
+    return motion.norm(again - z, step.y, z) <= 1 and bool(differ <= within)

@@ -1,0 +1,298 @@
+"""Verification of long trees: the module against the reference's balance of forces, O(n).
+
+What the usual suite looks at besides, matrices over all pairs of velocities and every function
+written out, is not formed for them.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from codegen.reals import real_of
+from derive.formulations.records import Equations
+from derive.model.records import Model
+from derive.states import sampling
+from hamel.verify.checks.evidence import all_parameters
+from hamel.verify.records import CheckResult, Verification
+from hamel.verify.reference.balance import balance, powers
+from hamel.verify.reference.outcome import Reference, energies, reference, state_of
+from hamel.verify.reference.outputs import events, nearest_turn, outputs
+from hamel.verify.reference.states import State
+from hamel.verify.reference.vectors import Array
+
+VARIED = 0.02  # of parameters that are arguments: any mechanism stays one
+FEWEST = 2  # states
+MANY = 5  # states of a batch: lanes that are full, and some left
+SAME = 1e-13  # what only copies, and other ways to call the same loops
+# Relative to the sizes of what is summed at a joint. Two recursions over 10,000 links differ there
+# by 1e-12 (measured); an error in one link's constants shows as the part it has in its own joint.
+BALANCED = 1e-9
+SUMMED = 1e-9  # energies and powers, relative to them or to one of their unit
+TINY = 1e-300  # where nothing acts
+
+
+@dataclass(frozen=True)
+class Place:
+    """A random state, as the module takes it and as the reference sees it."""
+
+    t: float
+    x: Array
+    u: Array
+    p: Array
+    state: State
+
+    @property
+    def row(self) -> tuple[float, Array, Array, Array]:
+        """What the module is called with."""
+        return self.t, self.x, self.u, self.p
+
+
+def is_long(equations: Equations, module: ModuleType) -> bool:
+    """Whether the model is a tree so long that its module is verified by this suite, which knows
+    all functions that it has."""
+    names = {function.name for function in equations.functions} - {name for name, *_ in CHECKS}
+    return of_long_tree(equations) and not any(hasattr(module, name) for name in names)
+
+
+def of_long_tree(equations: Equations) -> bool:
+    """Whether nothing but functions on request may need more than O(n)."""
+    system = equations.system
+    own = system.model
+    plain = own.kinetic is None and own.potential is None and not own.states
+    return system.long and plain and not equations.charts
+
+
+def long_verification(
+    model: Model, equations: Equations, module: ModuleType, states: int, seed: int = 0
+) -> Verification:
+    """Every function of the module at random states, held against the reference."""
+    ref = reference(model)
+    places = drawn(ref, equations, max(FEWEST, states), seed)
+    loose = real_of(module.defaults.dtype.name).coarseness
+    found = tuple(_results(ref, module, places, loose))
+    columns = zip(*(np.concatenate([[s.t], s.x, s.u, s.p]) for s in places))
+    names = ["t", *(name for a in equations.arguments if a.name != "t" for name in a.labels)]
+    return Verification(
+        model.name,
+        equations.choice,
+        all(check.passed for check in found),
+        found,
+        len(places),
+        seed,
+        region=tuple((n, float(min(c)), float(max(c))) for n, c in zip(names, columns)),
+        varied=equations.arguments[3].labels,
+    )
+
+
+def drawn(ref: Reference, equations: Equations, count: int, seed: int) -> list[Place]:
+    """Random states; a tree has no others."""
+    system = equations.system
+    found = sampling.states(system, count, seed, parameters=VARIED)
+    rows = zip(found.t.tolist(), found.q, found.v, found.u, found.p)
+    return [
+        Place(t, np.concatenate([q, v]), u, p, _state(ref, equations, t, q, v, u, p))
+        for t, q, v, u, p in rows
+    ]
+
+
+def _state(
+    ref: Reference, equations: Equations, t: float, q: Array, v: Array, u: Array, p: Array
+) -> State:
+    return state_of(ref, t, q, v, u, all_parameters(equations.system, p))
+
+
+def _results(
+    ref: Reference, module: ModuleType, places: Sequence[Place], loose: float
+) -> Iterator[CheckResult]:
+    for function, name, tolerance, about, error in CHECKS:
+        call = getattr(module, function, None)
+        if call is None:
+            continue
+        errors = [error(ref, call, place) for place in places]
+        yield _result(name, [float(x) for x in errors if x is not None], tolerance * loose, about)
+    for name, about, backend in BACKENDS:
+        call = backend(module)
+        if call is not None:
+            errors = [_difference(module, call, place) for place in places]
+            yield _result(name, errors, SAME * loose, about)
+
+
+def _result(name: str, errors: Sequence[float], tolerance: float, about: str) -> CheckResult:
+    value = max((math.inf if math.isnan(x) else x for x in errors), default=math.inf)
+    return CheckResult(name, value, tolerance, value <= tolerance, about)
+
+
+# ---- against the reference
+
+
+Call = Callable[..., Any]
+
+
+def _called(call: Call, *row: Any) -> Array:
+    """A flat result; not a number where the module refuses the state."""
+    try:
+        return np.ravel(call(*row))
+    except FloatingPointError:
+        return np.full(1, np.nan)
+
+
+def _rates(ref: Reference, dynamics: Call, place: Place) -> float:
+    return _relative(_called(dynamics, *place.row)[: len(place.state.q)], place.state.rates)
+
+
+def _motion(ref: Reference, dynamics: Call, place: Place) -> float:
+    vdot = _called(dynamics, *place.row)[len(place.state.q) :]
+    if len(vdot) != len(place.state.v) or not np.isfinite(vdot).all():
+        return math.inf
+    found = balance(ref, place.state, vdot)
+    return _largest(found.left / np.maximum(found.size, TINY))
+
+
+def _inverse(ref: Reference, inverse_dynamics: Call, place: Place) -> float:
+    vdot, own = np.random.default_rng(4).normal(size=len(place.state.v)), place.state
+    x = np.concatenate([place.x, vdot])
+    forces = _called(inverse_dynamics, place.t, x, place.u, place.p)
+    if forces.shape != vdot.shape:
+        return math.inf
+    idle = state_of(ref, place.t, own.q, own.v, np.zeros_like(place.u), own.p)
+    found = balance(ref, idle, vdot)
+    return _largest((forces - found.left) / np.maximum(found.size, TINY))
+
+
+def _velocity(ref: Reference, velocity: Call, place: Place) -> float:
+    return _relative(_called(velocity, *place.row), place.state.v)
+
+
+def _state_of(ref: Reference, state: Call, place: Place) -> float:
+    return _relative(_called(state, *place.row), place.x)
+
+
+def _power(ref: Reference, power: Call, place: Place) -> float:
+    return _relative(_called(power, *place.row), np.array([powers(ref, place.state)]))
+
+
+def _energy(ref: Reference, energy: Call, place: Place) -> float:
+    wanted = np.array(energies(ref, place.state)[:2])
+    return _relative(_called(energy, *place.row)[:2], wanted)
+
+
+def _outputs(ref: Reference, function: Call, place: Place) -> float:
+    found = _called(function, *place.row)
+    wanted = outputs(ref.model, place.state, np.zeros(0))
+    if found.shape != wanted.shape:
+        return math.inf
+    return _relative(found, nearest_turn(ref.model, wanted, found))
+
+
+def _events(ref: Reference, function: Call, place: Place) -> float:
+    return _relative(_called(function, *place.row), events(ref.model, place.state, np.zeros(0)))
+
+
+def _relative(found: Array, wanted: Array) -> float:
+    if found.shape != wanted.shape:
+        return math.inf
+    return _largest((found - wanted) / np.maximum(1.0, np.max(np.abs(wanted), initial=0.0)))
+
+
+def _largest(x: Array) -> float:
+    return float(np.max(np.abs(x), initial=0.0)) if np.isfinite(x).all() else math.inf
+
+
+Error = Callable[[Reference, Call, Place], float]
+# function, what is checked of it, tolerance, what it is held against
+CHECKS: tuple[tuple[str, str, float, str, Error], ...] = (
+    ("dynamics", "rates", SAME, "q̇ of dynamics against N v", _rates),
+    (
+        "dynamics",
+        "balance",
+        BALANCED,
+        "M v̇ + h − Q by Newton–Euler in the ground's axes at v̇ of dynamics, against the sizes of "
+        "what is summed at each joint",
+        _motion,
+    ),
+    ("inverse_dynamics", "forces", BALANCED, "the same at any v̇, with no inputs", _inverse),
+    ("velocity", "velocity", SAME, "v", _velocity),
+    ("state", "state", SAME, "x of (q, v)", _state_of),
+    ("power", "power", SUMMED, "of the forces without a potential", _power),
+    ("energy", "energy", SUMMED, "T and V", _energy),
+    ("outputs", "outputs", SUMMED, "points, velocities and angles", _outputs),
+    ("events", "events", SUMMED, "what changes its sign at events", _events),
+)
+
+
+# ---- other ways to call it
+
+
+def _part(name: str) -> Callable[[ModuleType], Any]:
+    def call(module: ModuleType) -> Any:
+        try:
+            return getattr(importlib.import_module(f"{module.__name__}.{name}"), "dynamics", None)
+        except (ImportError, OSError):
+            return None  # what was not generated or compiled cannot be wrong
+
+    return call
+
+
+def _batch(module: ModuleType) -> Any:
+    dynamics = getattr(module, "dynamics", None)
+    if dynamics is None:
+        return None
+
+    def last(t: float, x: Array, u: Array, p: Array) -> Array:
+        return dynamics(np.full(MANY, t), *(np.tile(y, (MANY, 1)) for y in (x, u, p)))[-1]
+
+    return last
+
+
+def _difference(module: ModuleType, call: Any, place: Place) -> float:
+    return _relative(_called(call, *place.row), _called(module.dynamics, *place.row))
+
+
+BACKENDS: tuple[tuple[str, str, Callable[[ModuleType], Any]], ...] = (
+    ("batch = one by one", "the batch call of dynamics", _batch),
+    ("ctypes = module", "dynamics through the ctypes fallback", _part("_library")),
+    ("NumPy = module", "dynamics of the NumPy text", _part("_numpy")),
+)
+
+
+# ---- what is shipped
+
+Shipped = list[tuple[tuple[float, Array, Array, Array], Array]]
+
+
+def shipped_rows(
+    equations: Equations, module: ModuleType, seed: int, count: int
+) -> Iterator[tuple[str, Shipped]]:
+    """Function → arguments of few digits, and the module's own results there. One that the
+    reference does not find right is left out, and there it will be missed."""
+    ref = reference(equations.system.model)
+    places = [_rounded(ref, equations, place) for place in drawn(ref, equations, count, seed)]
+    for name in dict.fromkeys(name for name, *_ in CHECKS if hasattr(module, name)):
+        call = getattr(module, name)
+        checks = [(tolerance, error) for own, _, tolerance, _, error in CHECKS if own == name]
+        yield (
+            name,
+            [
+                (place.row, _called(call, *place.row))
+                for place in places
+                if all(error(ref, call, place) <= tolerance for tolerance, error in checks)
+            ],
+        )
+
+
+def _rounded(ref: Reference, equations: Equations, place: Place) -> Place:
+    """To eight digits, each by itself: longer ones differ between machines."""
+    t, (x, u, p) = float(f"{place.t:.8g}"), (_few(y) for y in (place.x, place.u, place.p))
+    q, v = np.split(x, [len(place.state.q)])
+    return Place(t, x, u, p, _state(ref, equations, t, q, v, u, p))
+
+
+def _few(values: Array) -> Array:
+    return np.array([float(f"{value:.8g}") for value in values])

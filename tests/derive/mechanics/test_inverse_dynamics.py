@@ -1,0 +1,59 @@
+"""M v̇ + h in few operations is M v̇ + h of plain Newton–Euler.
+
+Of derive.mechanics: inverse_dynamics, moments.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from derive.mechanics.accelerations import newton_euler
+from derive.mechanics.inverse_dynamics import joint_forces_of_motion
+from derive.mechanics.records import System
+from derive.mechanics.tree import joint_forces
+from derive.model import load
+from derive.robots.reading import imported
+from derive.states import system
+from tests.scenes import MODELS
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+TREES = sorted(
+    {path.stem for path in MODELS.glob("*.yaml")} | {path.name for path in ROBOTS.glob("*.urdf")}
+)
+
+
+def mechanics_of(name: str, constants: str) -> System:
+    if name.endswith(".urdf"):
+        return system(imported(ROBOTS / name, True).model, constants)
+    return system(load(MODELS / f"{name}.yaml"), constants)
+
+
+def both(s: System) -> tuple[np.ndarray, np.ndarray]:
+    """At random numbers; plain Newton–Euler with inertias as given."""
+    n = s.v.numel()
+    vdot = ca.SX.sym("vdot", n)
+    v, rates = ([x[j] for j in range(n)] for x in (s.v, vdot))
+    plain = newton_euler(s.links, [x.inertia for x in s.links], v, rates, s.gravity)
+    ways = [
+        joint_forces(s.links, plain, n),
+        joint_forces_of_motion(s.links, v, rates, s.gravity),
+    ]
+    at = ca.Function("f", [s.t, s.q, s.v, vdot, s.p], [ca.vertcat(*x) for x in ways])
+    rng = np.random.default_rng(3)
+    values = [
+        [np.array(x).ravel() for x in at(0.3, *numbers, s.parameters)]
+        for numbers in ([rng.normal(size=k) for k in (s.q.numel(), n, n)] for _ in range(5))
+    ]
+    return np.array([x for x, _ in values]), np.array([x for _, x in values])
+
+
+@pytest.mark.parametrize("constants", ["all", ""])
+@pytest.mark.parametrize("name", TREES)
+def test_the_forces_are_those_of_plain_newton_euler(name: str, constants: str) -> None:
+    s = mechanics_of(name, constants)
+    plain, few = both(s)
+    assert np.abs(few - plain).max() <= 1e-11 * max(1.0, np.abs(plain).max())

@@ -1,0 +1,129 @@
+"""The book: chapters stand in the order of their topics, what is met for the first time is said once,
+links and anchors lead somewhere, and solutions are those of the module.
+
+Of hamel.book: topics, course, chapter, exercises, writing, printing, limits. Of hamel.verbs: book.
+"""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hamel
+from codegen import compiler
+from derive.diagnostics import ModelError
+from derive.model import load, load_text
+from hamel.book.chapter import Chapter, Motion, objectives
+from hamel.book.exercises import Exercise, number_texts
+from hamel.book.topics import TOPICS, things_of, topic_of
+from hamel.book.writing import CONTENTS, INDEX, PRINT, pages, placed
+from tests.scenes import MODELS
+
+PLACES = {
+    "pendulum": "Energies and coordinates",
+    "double_pendulum": "Open chains",
+    "four_bar": "Closed loops and couplings",
+    "gear_train": "Closed loops and couplings",
+    "snake3": "Skates and wheels",
+    "bicycle": "Rolling in space",
+}
+
+
+def chapter(name: str, topic: int, length: int, things: tuple[str, ...]) -> Chapter:
+    """As much of one as pages read."""
+    exercise = Exercise("What is w?", "It is", (("w", "1.5", "rad/s"),))
+    motion = Motion(5.0, "<svg></svg>", "", 0.0, "10 steps", (("q", "1", "rad"),), (exercise,))
+    derivation = '<section id="given"><h2>1. Given</h2><a href="#given">(1)</a></section>'
+    return Chapter(
+        name, f"A {name} <&>", topic, length, things, 1, "auto", "it is cheap",
+        (("given", "Given"),), derivation, "", motion, "",
+    )  # fmt: skip
+
+
+BOOK = placed(
+    [
+        chapter("disk", 4, 10, ("free joint", "input")),
+        chapter("long_arm", 1, 99, ("revolute joint", "input")),
+        chapter("arm", 1, 20, ("revolute joint",)),
+    ]
+)
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_models_belong_to_their_topics(name: str) -> None:
+    assert TOPICS[topic_of(load(MODELS / f"{name}.yaml"))].title == PLACES[name]
+
+
+def test_things_are_named_in_words() -> None:
+    assert things_of(load(MODELS / "four_bar.yaml")) == (
+        "revolute joint", "revolute joint as closure", "joint damper", "input", "output",
+    )  # fmt: skip
+    smallest = load_text("model: x\ncoordinates: {q: m}\nkinetic: 1 kg*der(q)**2/2\n")
+    assert things_of(smallest) == ("energies by formula",) and topic_of(smallest) == 0
+
+
+def test_chapters_stand_by_topic_and_the_new_is_new_once() -> None:
+    assert [(x.number, x.chapter.name) for x in BOOK] == [(1, "arm"), (2, "long_arm"), (3, "disk")]
+    assert [x.new for x in BOOK] == [("revolute joint",), ("input",), ("free joint",)]
+    assert BOOK[1].known == {"revolute joint": "arm"} and BOOK[2].known == {"input": "long_arm"}
+    goals = objectives(BOOK[2].chapter, BOOK[2].new, BOOK[2].known)
+    assert "free joint" in goals[0] and any("input" in goal for goal in goals[1:])
+
+
+def test_every_link_of_the_book_leads_somewhere() -> None:
+    texts = pages("A <book>", BOOK)
+    assert set(texts) == {CONTENTS, INDEX, PRINT, "arm.html", "long_arm.html", "disk.html"}
+    for name, text in texts.items():
+        ids = re.findall(r'\bid="([^"]*)"', text)
+        assert len(ids) == len(set(ids)), name
+        for target in re.findall(r'href="([^"]*)"', text):
+            file, _, anchor = target.partition("#")
+            assert not file or file in texts, (name, target)
+            assert not anchor or file or anchor in ids, (name, target)
+        assert "<book>" not in text and "A disk <&>" not in text
+    assert pages("A <book>", BOOK) == texts
+
+
+def test_a_chapter_without_a_motion_says_why() -> None:
+    alone = placed(
+        [replace(BOOK[0].chapter, motion=None, refusal="it comes to a singular position")]
+    )
+    text = pages("Book", alone)["arm.html"]
+    assert "it comes to a singular position" in text and "Exercises" not in text
+
+
+def test_numbers_of_rounding_are_zero() -> None:
+    assert number_texts([1.0, -2.5, 1e-16]) == ["1", "−2.5", "0"]
+
+
+def test_what_cannot_be_a_book_is_refused(tmp_path) -> None:
+    twice = [MODELS / "pendulum.yaml", MODELS / "pendulum.yaml"]
+    with pytest.raises(ModelError, match="two models are called 'pendulum'"):
+        hamel.book(twice, out=tmp_path / "book")
+    (tmp_path / "terms.yaml").write_text(
+        "model: terms\ncoordinates: {q: m}\nkinetic: 1 kg*der(q)**2/2\n"
+    )
+    with pytest.raises(ModelError, match="no chapter can be called 'terms'"):
+        hamel.book([tmp_path / "terms.yaml"], out=tmp_path / "book")
+    assert not (tmp_path / "book").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+def test_solutions_are_those_of_the_verified_module(tmp_path) -> None:
+    record = hamel.book(
+        [MODELS / "double_pendulum.yaml", MODELS / "four_bar.yaml"],
+        out=tmp_path / "book",
+        pdf=False,
+    )
+    assert record.chapters == ("double_pendulum", "four_bar") and not record.refused
+    text = (tmp_path / "book" / "four_bar.html").read_text("utf-8")
+    built = hamel.build(MODELS / "four_bar.yaml", out=tmp_path / "four_bar", choice="crank")
+    module = hamel.load(built.folder)
+    start = hamel.simulate(MODELS / "four_bar.yaml", time=0.01, choice="crank").motion
+    x = np.array([start[name][0] for name in module.states])
+    shown = [float(v.replace("−", "-")) for v in re.findall(r"<td>(−?[\d.e+-]+)</td>", text)]
+    assert min(abs(v - module.dynamics(0.0, x)[3]) for v in shown) < 1e-4
+    assert all(min(abs(v - y) for v in shown) < 1e-4 for y in module.reactions(0.0, x))
+    assert not any(abs(v - (module.dynamics(0.0, x)[3] + 0.01)) < 1e-4 for v in shown)

@@ -14,7 +14,7 @@ PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exu
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report reference docs links book pages targets target-speed embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
+.PHONY: demo report reference gallery docs links book pages targets target-speed embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -91,6 +91,10 @@ bench-page:
 # The reference of the model language from the classes that read it.
 reference: $(VENV)/.run-time
 	$(HAMEL) schema --page > docs/reference/language.md
+
+# Figures and page of models/gallery.
+gallery: $(VENV)/.run-time
+	$(BIN)/python benchmarks/gallery.py
 
 # The figures of docs/report.md from build/report/report.json and build/whole.json.
 report-page: $(VENV)/.test

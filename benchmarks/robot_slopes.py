@@ -65,7 +65,9 @@ class Slopes:
         w_along = np.linalg.lstsq(S, along, rcond=None)[0]
         ours = [S @ rates, S @ over_v @ along, S @ by_w @ w_along]
         for name, own, theirs in zip(("v̇", "∂v̇/∂q", "∂v̇/∂v"), ours, self._theirs(peer, s, u)):
-            note(name, own[peer.columns], theirs)
+            # slopes that vanish are held to the accelerations
+            scale = max(float(np.abs(x).max()) for x in (theirs, rates, np.ones(1)))
+            note(name, 1.0 + own[peer.columns] / scale, 1.0 + theirs / scale)
 
     def _theirs(self, peer: Any, s: Any, u: np.ndarray) -> list[np.ndarray]:
         model = self.derived.system.model

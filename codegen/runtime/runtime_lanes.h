@@ -151,16 +151,19 @@ typedef struct {
     double constants[LANES][CONSTANTS + 1]; /* the same for the loop of one motion */
     double a[DENSE_DEGREE + 1][N * LANES]; /* the continuous output, as powers of 2 theta - 1 */
     double values[EIGHTHS + 1][EVENTS_MOST * LANES], signs[EVENTS_MOST * LANES]; /* of events */
-    Dense dense; /* of the lane that is done alone */
     uint64_t good[LANES], moved[LANES], active[LANES];
 #if HAS_INPUTS
     double knot[LANES], table[4 * INPUTS * LANES]; /* where the segment of each lane begins, and its polynomials */
     int tables, called; /* whether there are any, and a callback */
 #endif
+    Dense dense; /* of the lane that is done alone; behind all that is loaded as vectors */
     int busy[LANES];
     size_t row[LANES];
     Motion motion[LANES];
 } Lanes;
+
+/* Vectors are loaded from there in one piece. */
+typedef char lanes_are_aligned[offsetof(Lanes, good) % sizeof(Bits) == 0 ? 1 : -1];
 
 static inline void store(double *to, Vector v)
 {

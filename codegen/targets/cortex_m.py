@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from codegen import text
+from codegen.passes.split import split
 from codegen.program import Kernel, Program
 from codegen.targets.records import Target, plain_sources
 
@@ -14,7 +15,7 @@ FOLDER = "cortex-m"
 RUNTIME = Path(__file__).parents[1] / "runtime" / "cortex_m"
 CONTROL = "inverse_dynamics_u"
 STACK = 4096  # bytes of the controller, which needs less than half of it
-ROOM = 16384  # bytes of stack for all functions; more where one has a large workspace
+ROOM, BYTES = 16384, 4  # bytes of stack for all functions besides a workspace, and of one number
 
 
 def files(program: Program) -> dict[str, str]:
@@ -28,7 +29,7 @@ def files(program: Program) -> dict[str, str]:
         "sources": plain_sources(program),
         "controls": controls(program),
         "stack": STACK,
-        "room": ROOM,
+        "room": ROOM + BYTES * max(map(_workspace, kernels)),
         "nx": len(program.argument("x").names),
         "nu": len(program.argument("u").names),
         "np": len(program.argument("p").names),
@@ -54,6 +55,16 @@ def _runtime() -> list[Path]:
 def tested(program: Program) -> list[Kernel]:
     """What runs on the board: every function for one state."""
     return list(program.kernels)
+
+
+def _workspace(kernel: Kernel) -> int:
+    """Numbers that the function keeps on the stack besides its locals, a multiple of two."""
+    of = kernel.rolled
+    if of is None:
+        numbers = split(kernel).size
+    else:
+        numbers = of.workspace + sum(len(t.rows) * t.width for t in of.tables if t.computed)
+    return numbers + numbers % 2
 
 
 def controls(program: Program) -> bool:

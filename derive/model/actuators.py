@@ -3,7 +3,8 @@ names."""
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import listed
@@ -148,10 +149,44 @@ def velocity_of(
     )
 
 
+@dataclass(frozen=True)
+class _Tables:
+    """Velocities by their joint, by the coordinate whose rate they are, and by name."""
+
+    owned: dict[str, list[Velocity]]
+    rates: dict[str, Velocity]
+    names: dict[str, Velocity]
+
+
+class _Same:
+    """The velocities of a model, told apart by identity: thousands of them are not compared."""
+
+    def __init__(self, velocities: tuple[Velocity, ...]) -> None:
+        self.velocities = velocities
+
+    def __hash__(self) -> int:
+        return id(self.velocities)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.velocities is other.velocities
+
+
+@lru_cache(maxsize=1)
+def _tables(same: _Same) -> _Tables:
+    owned: dict[str, list[Velocity]] = {}
+    rates: dict[str, Velocity] = {}
+    names: dict[str, Velocity] = {}
+    for velocity in same.velocities:
+        if velocity.owner:
+            owned.setdefault(velocity.owner, []).append(velocity)
+        if velocity.rate_of:
+            rates.setdefault(velocity.rate_of, velocity)
+        names.setdefault(velocity.name, velocity)
+    return _Tables(owned, rates, names)
+
+
 def _of_joint(reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]) -> Velocity | None:
-    owned = [
-        velocity for velocity in velocities if velocity.owner and velocity.owner == scalar.text
-    ]
+    owned = _tables(_Same(velocities)).owned.get(scalar.text, [])
     if len(owned) == 1:
         return owned[0]
     if owned:
@@ -173,9 +208,9 @@ def _of_joint(reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]) 
 def _of_coordinate(
     reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]
 ) -> Velocity | None:
-    for velocity in velocities:
-        if velocity.rate_of and velocity.rate_of == scalar.text:
-            return velocity
+    rate = _tables(_Same(velocities)).rates.get(scalar.text)
+    if rate is not None:
+        return rate
     if scalar.text in reader.scope.coordinates():
         names = listed(velocity.name for velocity in velocities)
         reader.report(
@@ -191,8 +226,8 @@ def _of_coordinate(
 def _of_name(reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]) -> Velocity | None:
     name = reader.scope.aliases.get(scalar.text)
     wanted = f"der({name})" if name else scalar.text.replace(" ", "")
-    for velocity in velocities:
-        if velocity.name == wanted:
-            return velocity
+    named = _tables(_Same(velocities)).names.get(wanted)
+    if named is not None:
+        return named
     reader.word(scalar, [velocity.name for velocity in velocities], "generalized velocity")
     return None

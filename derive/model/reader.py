@@ -38,6 +38,8 @@ from derive.model.space import ORIGIN, Space, normalised
 
 T = TypeVar("T")
 ANY_UNIT = None
+# a number without a unit, which is read as a formula
+PLAIN = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?")
 ANSWERS = {"true": True, "false": False}
 WITH_KINEMATICS = FUNCTIONS | KINEMATIC_FUNCTIONS
 ANGLE = "a plain number or an angle"
@@ -159,7 +161,7 @@ class Reader:
         wanted: str | None,
         functions: dict[str, Function],
     ) -> Expression:
-        plain = quantity(scalar.text)
+        plain = None if PLAIN.fullmatch(scalar.text) else quantity(scalar.text)
         bracketed = "(" in scalar.text  # 10 N/(m) may be a unit, or a force by the model's own m
         if plain is not None and plain.unit and wanted is not None and not bracketed:
             return self._of_unit(plain, scalar.text, where, wanted)

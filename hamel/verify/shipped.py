@@ -79,7 +79,7 @@ def _of_long(
             size = _largest(value)
             expected = _rounded(value, VALUE, size)
             rows.append((t, x.tolist(), u.tolist(), p.tolist(), expected, float(f"{size:.2g}")))
-        columns = dict(zip(("t", "x", "u", "p", "expected", "size"), zip(*rows)))
+        columns: dict[str, Any] = dict(zip(("t", "x", "u", "p", "expected", "size"), zip(*rows)))
         numbers += _size(columns)
         if rows and numbers <= most:
             found[name] = columns

@@ -64,7 +64,9 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
     wheel = _wheel(scene, constraint)
     back = _from_carrier(scene, wheel.place, base)
     foot = _foot(scene, constraint)
-    normal = _normal(scene, wheel, base, rotated(back, foot.normal))
+    # the normal of a surface changes from place to place, that of a plane with its body alone
+    flat = constraint.surface is None and base.link < 0
+    normal = _normal(scene, wheel, flat, rotated(back, foot.normal))
     contact, directions = _contact(scene, constraint, wheel.axis, normal.letters, back)
     point = normal.put_in(sum_of(wheel.centre, contact))
     phi = foot.height if constraint.surface else _height(scene, constraint, wheel.place, point)
@@ -237,13 +239,13 @@ class _Normal:
         return self.put_in([rates[i] for i in range(len(entries))])
 
 
-def _normal(scene: Scene, wheel: Wheel, base: Place, value: Vector) -> _Normal:
+def _normal(scene: Scene, wheel: Wheel, flat: bool, value: Vector) -> _Normal:
     """With letters where it is fixed in the ground and all else in the link."""
     inside = [*wheel.axis, *wheel.centre]
     moving = ca.vertcat(scene.symbols.t, scene.symbols.q)
     fixed = not ca.depends_on(ca.vertcat(*inside), moving)
     link = wheel.place.link
-    if base.link >= 0 or link < 0 or not fixed:
+    if not flat or link < 0 or not fixed:
         return _Normal(scene, value, value, None)
     if any(ca.SX(x).is_constant() for x in value):
         return _Normal(scene, value, value, None)

@@ -32,7 +32,8 @@ def _rate(model: Model, formula: tree.Expression, state: State) -> tree.Expressi
     definitions = dict(model.definitions)
     for name in _needed(formula, definitions):
         names[name] = evaluated(definitions[name], lookup(names, {}), symbolic())
-    slope = sympy.diff(sympy.sympify(evaluated(formula, lookup(names, {}), symbolic())), t)
+    read: Any = sympy.sympify(evaluated(formula, lookup(names, {}), symbolic()))
+    slope: Any = read.diff(t)
     return tree.Number(float(slope.subs(t, state.names["t"])))
 
 

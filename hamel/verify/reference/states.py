@@ -133,7 +133,7 @@ def state(
     rates = np.zeros(len(q))
     for rows, columns, entries in blocks:
         rates[rows] += entries @ v[columns]
-    named_rates = {c.name: rate for c, rate in zip(model.coordinates, rates)}
+    named_rates = {c.name: rate for c, rate in zip(model.coordinates, rates.tolist())}
     places = frames, tuple(seats)
     full = State(t, q, v, u, p, tuple(blocks), drift, rates, *places, names, named_rates, functions)
     names |= measured(full)

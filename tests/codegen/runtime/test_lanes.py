@@ -121,8 +121,10 @@ def test_a_motion_that_fails_fails_alone(modules: dict[str, ModuleType]) -> None
     module, x = modules["four_bar"], starts("four_bar", 11)
     good = module.simulate((0.0, 0.5), x)
     x[4, 1] = np.nan
-    with pytest.warns(RuntimeWarning, match="1 of 11 motions ended early, .*; motion 4: "):
+    ended = "1 of 11 motions ended early, .*; motion 4: "
+    with pytest.warns(RuntimeWarning, match=ended) as seen:
         found = module.simulate((0.0, 0.5), x)
+    assert seen[0].filename == __file__
     assert found.status[4] == module.Status.NOT_FINITE or found.status[4] in (1, 7)
     assert np.isnan(found.x[4]).sum() >= module.nx
     others = np.arange(11) != 4

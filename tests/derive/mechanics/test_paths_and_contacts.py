@@ -237,9 +237,9 @@ def test_a_plane_that_stood_still_is_seen(monkeypatch: pytest.MonkeyPatch) -> No
     """The carrier's own term left out of the rows."""
     right = rolling._moving_term
 
-    def wrong(scene, link, direction, point) -> TwistTerm:
-        term = right(scene, link, direction, point)
-        return term if link != 0 else right(scene, link, [0.0, 0.0, 0.0], point)
+    def wrong(normal, link, point, way) -> TwistTerm:
+        still = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+        return right(normal, link, point, way if link != 0 else still)
 
     monkeypatch.setattr(rolling, "_moving_term", wrong)
     assert disagreement(CART, 3)["A"] > 1e-3

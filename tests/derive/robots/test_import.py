@@ -3,7 +3,7 @@ message for each bad file.
 
 Of derive.robots: limits.
 Of derive.robots: couplings, inertias, robot, urdf, writing.
-Of derive.robots.mjcf: actuators, bodies, settings, ties.
+Of derive.robots.mjcf: actuators, bodies, settings, sites, ties.
 """
 
 from __future__ import annotations

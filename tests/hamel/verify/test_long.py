@@ -1,0 +1,132 @@
+"""Long trees: nothing of them is written out unless it is asked for, the reference balances their
+forces in O(n), and a planted error is seen.
+
+Of hamel.verify: long.
+Of hamel.verify.reference: balance.
+Of derive.textbook: loops.
+Of derive.expressions: deferred.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import hamel
+from derive.expressions.deferred import Deferred, Term, changed, is_deferred, passed_on, size_of
+from derive.formulations.records import Equations
+from derive.textbook import html
+from hamel.build.stages import equations_of, model_of
+from hamel.verify.long import BALANCED, FEWEST, drawn, is_long, long_verification
+from hamel.verify.reference.balance import balance
+from hamel.verify.reference.outcome import evaluate, reference
+from tests.trees import chain, equal_links, tree
+
+pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
+
+
+@pytest.fixture(autouse=True)
+def _three_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Short trees take the way of long ones."""
+    monkeypatch.setattr("derive.mechanics.records.LONG", 3)
+    monkeypatch.setattr("derive.mechanics.system.LONG", 3)
+
+
+def written(base: Path, text: str) -> Path:
+    path = base / ("model.urdf" if text.startswith("<") else "model.yaml")
+    path.write_text(text)
+    return path
+
+
+def module(equations: Equations, wrong: float = 0.0) -> ModuleType:
+    """What stands for a module: the equations as CasADi evaluates them, v̇ of the last joint off by
+    a part."""
+    slots = [argument.symbols for argument in equations.arguments]
+    f = ca.Function("f", slots, [equations.function("dynamics").result.value])
+
+    def dynamics(t: Any, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        if np.ndim(t):
+            return np.array([dynamics(*row) for row in zip(t, x, u, p)])
+        xdot = np.array(f(t, x, u, p)).ravel()
+        xdot[-1] *= 1.0 + wrong
+        return xdot
+
+    made = ModuleType("nothing")
+    vars(made).update(dynamics=dynamics, defaults=np.zeros(len(equations.parameters)))
+    return made
+
+
+@pytest.mark.parametrize("text", [chain(5), tree(), equal_links(4)])
+def test_the_balance_is_that_of_the_dense_reference(text: str, tmp_path: Path) -> None:
+    equations = equations_of(written(tmp_path, text))
+    ref = reference(equations.system.model)
+    for place in drawn(ref, equations, 2, seed=1):
+        dense = evaluate(ref, place.state)
+        rng = np.random.default_rng(0)
+        vdot = rng.normal(size=len(place.state.v))
+        found = balance(ref, place.state, vdot)
+        wanted = dense.M @ vdot + dense.h - dense.Q
+        assert np.abs((found.left - wanted) / found.size).max() < 1e-13
+        assert (np.abs(found.left) <= found.size * (1 + 1e-12)).all()
+
+
+def test_a_wrong_acceleration_is_seen(tmp_path: Path) -> None:
+    path = written(tmp_path, chain(5))
+    equations = equations_of(path)
+    model = model_of(path)[0]
+    found = {}
+    for wrong in (0.0, 1e-6):
+        made = module(equations, wrong)
+        assert is_long(equations, made)
+        result = long_verification(model, equations, made, FEWEST)
+        found[wrong] = {check.name: check.passed for check in result.checks}
+        assert result.passed == (wrong == 0.0)
+    assert found[0.0]["balance"] and not found[1e-6]["balance"]
+    assert BALANCED < 1e-6
+
+
+def test_functions_that_grow_are_left_out_by_name(tmp_path: Path) -> None:
+    """The build is verified, what is not a loop is left out, and the page prints the recursion."""
+    out = tmp_path / "out"
+    made = hamel.build(written(tmp_path, equal_links(4)), out=out, roll="always")
+    assert made.verified and set(made.operations) == {"dynamics", "power", "velocity", "state"}
+    assert {"function bias", "function inverse_dynamics", "function energy"} <= set(made.left_out)
+    page = (out / "derivation.html").read_text(encoding="utf-8")
+    assert "loops over the links" in page
+
+
+def test_nothing_is_written_out_on_the_way(tmp_path: Path) -> None:
+    equations = equations_of(written(tmp_path, equal_links(4)))
+    html(equations)
+    system = equations.system
+    assert all(is_deferred(system, name) for name in ("h", "T", "V", "energy", "inertias"))
+    assert not equations.function("dynamics").result.written
+    assert equations.function("dynamics").result.size == 8
+
+
+def test_a_term_is_formed_once_and_when_it_is_read() -> None:
+    @dataclass(frozen=True)
+    class Holder:
+        name: str
+        value: Term[float] = Term()
+
+    count: list[int] = []
+
+    def make() -> float:
+        count.append(1)
+        return 2.0
+
+    late = Holder("a", Deferred(make, 3))
+    other = changed(late, name="b")
+    assert is_deferred(other, "value") and size_of(other, "value") == 3 and not count
+    assert isinstance(passed_on(other, "value"), Deferred)
+    assert (other.value, other.value, late.value) == (2.0, 2.0, 2.0) and len(count) == 1
+    assert passed_on(late, "value") == 2.0 and replace(late, name="c").value == 2.0
+    with pytest.raises(TypeError):
+        Holder("without")  # type: ignore[call-arg]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from derive.diagnostics import ModelError
 from derive.robots.reading import load
 from hamel.book.chapter import Chapter, attempt
 from hamel.book.printing import browser, printed
+from hamel.book.topics import length_of
 from hamel.book.writing import CONTENTS, INDEX, PRINT, pages, placed
 from hamel.build.files import write_text
 from hamel.engines import PROCESSES, engine
@@ -77,15 +78,19 @@ def _check(paths: Sequence[str | PathLike[str]]) -> None:
 def _made(
     paths: Sequence[str | PathLike[str]], workers: int | None, progress: Progress | None
 ) -> Iterator[tuple[str, Chapter | str]]:
-    """Each model's chapter, or why there is none, in the order of their ends."""
+    """Each model's chapter, or why there is none, in the order of their ends. Long models are begun
+    first, each as soon as a process is free."""
+    waiting = sorted(map(str, paths), key=lambda path: length_of(load(path)))
+    running: dict[Future[Chapter | str], str] = {}
     with engine(PROCESSES, workers) as processes:
-        futures: dict[Future[Chapter | str], str] = {
-            processes.executor.submit(attempt, str(path)): str(path) for path in paths
-        }
-        for done, future in enumerate(as_completed(futures), 1):
-            yield Path(futures[future]).stem, future.result()
+        while waiting or running:
+            while waiting and len(running) < processes.width():
+                path = waiting.pop()
+                running[processes.executor.submit(attempt, path)] = path
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                yield Path(running.pop(future)).stem, future.result()
             if progress:
-                progress(done / len(futures))
+                progress(1.0 - (len(waiting) + len(running)) / len(paths))
 
 
 def show(record: Bound, console: Console) -> None:

@@ -1,7 +1,8 @@
 """The book: chapters stand in the order of their topics, what is met for the first time is said once,
 links and anchors lead somewhere, and solutions are those of the module.
 
-Of hamel.book: topics, course, chapter, exercises, writing, printing, limits. Of hamel.verbs: book.
+Of hamel.book: topics, course, chapter, exercises, writing, printing, limits.
+Of hamel.verbs: book.
 """
 
 import re

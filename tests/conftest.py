@@ -5,6 +5,14 @@ import pytest
 
 LONG = {
     "": ("waveboard",),
+    "test_each_is_a_mechanical_system": (
+        *("tracked_chain", "delta_robot", "stewart", "forty_four_bars", "balancing_robot"),
+        *("ballbot", "quadrotor", "wishbones", "scissor", "governor", "ball_on_plate"),
+    ),
+    "test_the_gallery_agrees_with_the_reference": (
+        *("tracked_chain", "delta_robot", "stewart", "balancing_robot", "ballbot", "quadrotor"),
+        *("wishbones", "scissor", "governor"),
+    ),
     "test_every_example_is_a_model_with_a_consistent_state": ("rolling", "loops", "nut"),
     "test_models_need_no_more_than_their_graph": (
         "bicycle",

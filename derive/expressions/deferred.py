@@ -33,10 +33,11 @@ class Term(Generic[T]):
     def __get__(self, record: Any, owner: type) -> T:
         if record is None:
             raise AttributeError(self._name)  # dataclasses ask the class for a default
-        own: dict[str, Any] = vars(record)
+        own = cast("dict[str, Any]", record.__dict__)
         if isinstance(own[self._name], Deferred):
             own[self._name] = cast("Deferred[T]", own[self._name]).make()
-        return own[self._name]
+        value: T = own[self._name]
+        return value
 
     def __set__(self, record: Any, value: T | Deferred[T]) -> None:
         vars(record)[self._name] = value

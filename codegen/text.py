@@ -213,5 +213,5 @@ def _environment() -> jinja2.Environment:
 
 def render(template: str, program: Program, **data: object) -> str:
     """A template of codegen/templates with data; C comes out in the program's precision."""
-    made = _environment().get_template(template).render(program=program, **data)
-    return recast(made, program.real) if template.endswith((".c.j2", ".h.j2")) else made
+    result = _environment().get_template(template).render(program=program, **data)
+    return recast(result, program.real) if template.endswith((".c.j2", ".h.j2")) else result

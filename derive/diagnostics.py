@@ -139,8 +139,8 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     ) in known:  # wrong case is the commonest slip, and difflib sees `X` and `x` as strangers
         if candidate.lower() == name.lower() and candidate != name:
             return candidate
-    found = difflib.get_close_matches(name[:80], known, n=1, cutoff=0.6)
-    return found[0] if found else None
+    matches = difflib.get_close_matches(name[:80], known, n=1, cutoff=0.6)
+    return matches[0] if matches else None
 
 
 def did_you_mean(name: str, candidates: Iterable[str]) -> str:

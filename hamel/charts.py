@@ -92,10 +92,10 @@ def at_rows(
         for rows, call, part in parts
         if call is not None
     ]
-    made = np.full((len(simulation.t), *(values[0][1].shape[1:] if values else (0,))), np.nan)
+    result = np.full((len(simulation.t), *(values[0][1].shape[1:] if values else (0,))), np.nan)
     for rows, value in values:
-        made[rows] = value
-    return made
+        result[rows] = value
+    return result
 
 
 def choices(equations: Equations, found: Any) -> tuple[str, ...]:

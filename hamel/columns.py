@@ -21,10 +21,10 @@ def file_columns(file: str | Path) -> dict[str, np.ndarray]:
     pyarrow is wanting.
     """
     is_parquet = str(file).lower().endswith(".parquet")
-    found = _parquet(str(file)) if is_parquet else _csv(file)
-    if not all(np.isfinite(column).all() for column in found.values()):
+    result = _parquet(str(file)) if is_parquet else _csv(file)
+    if not all(np.isfinite(column).all() for column in result.values()):
         raise ModelError(f"{file} holds what is no finite number", EXPECTED)
-    return found
+    return result
 
 
 def _csv(file: str | Path) -> dict[str, np.ndarray]:
@@ -44,11 +44,11 @@ def _csv(file: str | Path) -> dict[str, np.ndarray]:
 
 
 def _check_names(file: str | Path, names: Iterable[str]) -> None:
-    met: set[str] = set()
+    earlier: set[str] = set()
     for name in names:
-        if name in met:
+        if name in earlier:
             raise ModelError(f"{file}: the column '{name}' is there twice", "a name for each")
-        met.add(name)
+        earlier.add(name)
 
 
 def _parquet(file: str) -> dict[str, np.ndarray]:

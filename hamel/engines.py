@@ -65,8 +65,8 @@ def engine(name: str | None = None, workers: int | None = None) -> Iterator[Engi
             about = f"{size} processes of this machine"
             yield Engine(processes, lambda: size, about, False, end=processes.end)
     else:
-        with _dask(str(name), size) as found:
-            yield found
+        with _dask(str(name), size) as result:
+            yield result
 
 
 # ---- processes
@@ -104,10 +104,10 @@ class Processes(Executor):
             self._drop(place)
 
     def _process(self, place: int) -> ProcessPoolExecutor:
-        found = self._places[place]
-        if found is None:
-            found = self._places[place] = ProcessPoolExecutor(1, initializer=_silence)
-        return found
+        process = self._places[place]
+        if process is None:
+            process = self._places[place] = ProcessPoolExecutor(1, initializer=_silence)
+        return process
 
     def end(self, future: Future[Any]) -> None:
         """Ends the process that works on it."""
@@ -122,9 +122,9 @@ class Processes(Executor):
             self._places[place] = None
 
     def _drop(self, place: int) -> None:
-        found, self._places[place] = self._places[place], None
-        if found is not None:
-            found.shutdown(wait=True, kill_workers=True)
+        process, self._places[place] = self._places[place], None
+        if process is not None:
+            process.shutdown(wait=True, kill_workers=True)
 
 
 def _silence() -> None:

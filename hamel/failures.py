@@ -114,9 +114,9 @@ def _check_neighbours() -> None:
     here can work."""
     home = os.path.dirname(os.path.dirname(os.path.abspath(hamel.__file__)))
     for package in (derive, codegen):
-        found = os.path.dirname(os.path.dirname(os.path.abspath(package.__file__ or "")))
-        if found != home:
+        place = os.path.dirname(os.path.dirname(os.path.abspath(package.__file__ or "")))
+        if place != home:
             raise ToolchainError(
-                f"the package '{package.__name__}' in {found} hides hamel's own",
+                f"the package '{package.__name__}' in {place} hides hamel's own",
                 hint=f"pip uninstall {package.__name__}",
             )

@@ -65,8 +65,8 @@ def counted(doing: str) -> Iterator[Callable[[Any], None]]:
                 progress, task, begin, first = shown[0]
                 rate = (known.done - first) / max(time.monotonic() - begin, 1e-9)
                 failed = f", {known.failed} failed" if known.failed else ""
-                told = f"{rate:.3g} motions/s{failed}"
-                progress.update(task, completed=known.done, rate=told)
+                text = f"{rate:.3g} motions/s{failed}"
+                progress.update(task, completed=known.done, rate=text)
 
         yield report
 

@@ -39,11 +39,11 @@ def settings(model: Model, values: Mapping[str, float | str]) -> Settings:
     initial: dict[str, float] = {}
     known = units(model)
     given = {"".join(name.split()): value for name, value in values.items()}
-    found = {name: _value(name, value, known, parameters) for name, value in given.items()}
-    for name, value in found.items():
+    result = {name: _value(name, value, known, parameters) for name, value in given.items()}
+    for name, value in result.items():
         place = next((table for table in (parameters, inputs) if name in table), initial)
         place[name] = value
-    changed = [name for name in found if name in parameters]
+    changed = [name for name in result if name in parameters]
     if changed:
         _check_bodies(model, changed, parameters)
     return Settings(initial, parameters, inputs)
@@ -128,7 +128,7 @@ def parsed(name: str, text: str, unit: str | None, parameters: Mapping[str, floa
         return _evaluated(name, text, unit, parameters)
     except FormulaError as error:
         raise ModelError(
-            [replace(found, file=f"value of {name}") for found in error.diagnostics]
+            [replace(diagnostic, file=f"value of {name}") for diagnostic in error.diagnostics]
         ) from None
 
 

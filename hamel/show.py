@@ -61,12 +61,12 @@ def table(
     right: Sequence[int] = (),
 ) -> None:
     """A plain table; the columns with an index in `right` are numbers."""
-    made = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    grid = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for index, heading in enumerate(headings):
-        made.add_column(heading, justify="right" if index in right else "left", overflow="fold")
+        grid.add_column(heading, justify="right" if index in right else "left", overflow="fold")
     for row in rows:
-        made.add_row(*row)
-    console.print(made)
+        grid.add_row(*row)
+    console.print(grid)
 
 
 def refusals(refused: Mapping[str, str], console: Console) -> None:

@@ -31,17 +31,20 @@ def balance(lowered: Lowered, named: Iterable[int] = ()) -> Lowered:
     inside = _inside(lowered.code, wanted, {*roots, *named})
     if not inside:
         return lowered
-    made = _Rewriting()
+    rewriting = _Rewriting()
     for i in wanted:
         if i not in inside:
-            made.moved[i] = made.again(operations, i, inside)
+            rewriting.moved[i] = rewriting.again(operations, i, inside)
     places = {
-        node: (made.there(o), scale)
+        node: (rewriting.there(o), scale)
         for node, (o, scale) in lowered.places.items()
-        if isinstance(o, float) or o in made.moved
+        if isinstance(o, float) or o in rewriting.moved
     }
     return Lowered(
-        made.code, tuple(made.there(root) for root in lowered.roots), lowered.factors, places
+        rewriting.code,
+        tuple(rewriting.there(root) for root in lowered.roots),
+        lowered.factors,
+        places,
     )
 
 
@@ -95,14 +98,14 @@ class _Rewriting:
         return EARLIEST if isinstance(operand, float) else self.known[operand]
 
     def _put(self, name: str, *operands: Operand) -> int:
-        made = self.code.put(name, *operands)
-        self.known[made] = self._ready_at(name, operands)
-        return made
+        operation = self.code.put(name, *operands)
+        self.known[operation] = self._ready_at(name, operands)
+        return operation
 
     def _input(self, argument: str, entry: int) -> int:
-        made = self.code.input(argument, entry)
-        self.known[made] = EARLY if argument == "p" else 0
-        return made
+        result = self.code.input(argument, entry)
+        self.known[result] = EARLY if argument == "p" else 0
+        return result
 
     def _ready_at(self, name: str, operands: tuple[Operand, ...]) -> int:
         """The cycle at which a result is known: that of its latest operand and the operation's own,

@@ -196,11 +196,11 @@ class Graph:
         return node if factor == 1.0 else self._sum_node(((node, factor),), 1.0)
 
     def _sum_node(self, inside: tuple[tuple[int, float], ...], natural: float) -> int:
-        found = self._sums.get(inside)
-        if found is None:
-            found = self._sums[inside] = self._append(Sum(inside), [node for node, _ in inside])
-            self.natural[found] = natural
-        return found
+        result = self._sums.get(inside)
+        if result is None:
+            result = self._sums[inside] = self._append(Sum(inside), [node for node, _ in inside])
+            self.natural[result] = natural
+        return result
 
     def _cancel(self, merged: dict[int, int]) -> None:
         """Open products among the factors that another factor cancels against: l · (sin / l)."""
@@ -225,11 +225,11 @@ class Graph:
         if len(members) == 1 and members[0][1] == 1:
             return (scale, members[0][0])
         inside = tuple(members)
-        found = self._products.get(inside)
-        if found is None:
-            found = self._append(Product(inside), [node for node, _ in inside])
-            self._products[inside] = found
-        return (scale, found)
+        result = self._products.get(inside)
+        if result is None:
+            result = self._append(Product(inside), [node for node, _ in inside])
+            self._products[inside] = result
+        return (scale, result)
 
     def call(self, function: str, operands: Sequence[Reference]) -> Reference:
         """A function of references; signs leave odd and even functions, constants are evaluated.
@@ -244,11 +244,11 @@ class Graph:
         sign, inside = _signs(function, tuple(operands))
         if function == "fabs" and inside[0][0] != 1.0:
             sign, inside = inside[0][0], ((1.0, inside[0][1]),)
-        found = self._calls.get((function, inside))
-        if found is None:
-            found = self._append(Call(function, inside), [node for _, node in inside])
-            self._calls[function, inside] = found
-        return (sign, found)
+        result = self._calls.get((function, inside))
+        if result is None:
+            result = self._append(Call(function, inside), [node for _, node in inside])
+            self._calls[function, inside] = result
+        return (sign, result)
 
 
 @dataclass(frozen=True)
@@ -358,10 +358,10 @@ def rewrite(work: Work, rule: Rule) -> Work:
     graph = Graph()
     done: dict[int, Reference] = {ONE: (1.0, ONE)}
     for node in work.live:
-        found = rule(graph, node, done)
-        if found is not None:
-            done[node] = graph.bounded(found)
-            _keep_origin(work.graph, node, graph, found)
+        image = rule(graph, node, done)
+        if image is not None:
+            done[node] = graph.bounded(image)
+            _keep_origin(work.graph, node, graph, image)
     roots = tuple(scaled(factor, done[node]) for factor, node in work.roots)
     return Work(graph, roots, tuple(_follow(mark, done) for mark in work.marks))
 

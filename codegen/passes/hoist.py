@@ -41,8 +41,8 @@ def hoist(lowered: Lowered) -> Hoisted | None:
     before = _copied(lowered, [i for i in wanted if i in alone], {})
     after = _copied(lowered, [i for i in wanted if i not in alone or i in places], places)
     precompute = Lowered(before[0], tuple(before[1][i] for i in places), (1.0,) * len(places), {})
-    kept = {node: place for node, place in lowered.places.items() if _is_kept(place[0], after[1])}
-    moved = {node: (_there(operand, after[1]), scale) for node, (operand, scale) in kept.items()}
+    outer = {node: place for node, place in lowered.places.items() if _is_kept(place[0], after[1])}
+    moved = {node: (_there(operand, after[1]), scale) for node, (operand, scale) in outer.items()}
     rest = Lowered(
         after[0], tuple(_there(root, after[1]) for root in lowered.roots), lowered.factors, moved
     )

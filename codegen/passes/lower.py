@@ -119,8 +119,8 @@ def lower(work: Work, loose: Sequence[int] = ()) -> Lowered:
     zero or infinity.
     """
     nodes = work.live
-    found = scales(work, nodes, set(loose))
-    maker = _Maker(work.graph, found)
+    factors = scales(work, nodes, set(loose))
+    maker = _Maker(work.graph, factors)
     for node in nodes:
         maker.make(node)
     roots = [

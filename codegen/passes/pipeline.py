@@ -119,7 +119,7 @@ def program(
         kernels.append(kernel)
         ledger += entries
     model = equations.system.model
-    made = Program(
+    result = Program(
         name=identifier(model.name),
         description=model.description,
         formulation=equations.formulation,
@@ -145,13 +145,13 @@ def program(
         charts=_charts(charts),
         rolling=tuple(rolling),
     )
-    made = with_steppers(made, loops)
-    if SERIES in named and made.integrators:
-        check_series(made)
+    result = with_steppers(result, loops)
+    if SERIES in named and result.integrators:
+        check_series(result)
     # by name it was asked for and refused above; as a part of `auto` it is left out
-    elif SERIES in made.integrators and series_refusal(made):
-        return replace(made, integrators=tuple(x for x in made.integrators if x != SERIES))
-    return made
+    elif SERIES in result.integrators and series_refusal(result):
+        return replace(result, integrators=tuple(x for x in result.integrators if x != SERIES))
+    return result
 
 
 def _charts(charts: Sequence[Equations]) -> tuple[Chart, ...]:
@@ -179,9 +179,9 @@ class _Turning:
             and not name.startswith("jacobian")
         ):
             roots = tape.roots[: function.result.size + len(function.guards)]
-            found = turns(tape, roots, self.count, name in ("project", "state"))
-            self.round |= found[0]
-            self.seen |= found[1]
+            rotations = turns(tape, roots, self.count, name in ("project", "state"))
+            self.round |= rotations[0]
+            self.seen |= rotations[1]
 
     def look_at_links(self, kernel: Kernel) -> None:
         """A coordinate that is read for its angle alone."""
@@ -211,17 +211,17 @@ def _arguments(
     slots: Sequence[records.Argument], parameters: tuple[float, ...]
 ) -> tuple[Argument, ...]:
     names = Names()
-    found: list[Argument] = []
+    arguments: list[Argument] = []
     for slot in slots:
         local = tuple(
             names(identifier(label)) if slot.name != "t" else "t" for label in slot.labels
         )
-        found.append(
+        arguments.append(
             Argument(
                 slot.name, slot.labels, local, slot.units, parameters if slot.name == "p" else ()
             )
         )
-    return tuple(found)
+    return tuple(arguments)
 
 
 def _slots(equations: Equations, function: Function) -> tuple[records.Argument, ...]:
@@ -236,9 +236,9 @@ def _left_out(
     equations: Equations, arguments: Sequence[Argument], kernels: Sequence[Kernel]
 ) -> tuple[str, ...]:
     """Functions that were not asked for or are empty, and arguments that no function uses."""
-    made = {kernel.name for kernel in kernels}
+    names = {kernel.name for kernel in kernels}
     used = {name for kernel in kernels for name in kernel.uses}
-    functions = [f"function {f.name}" for f in equations.functions if f.name not in made]
+    functions = [f"function {f.name}" for f in equations.functions if f.name not in names]
     return (*functions, *(f"argument {a.name}" for a in arguments if a.name not in used))
 
 

@@ -21,7 +21,7 @@ def in_precision(program: Program, name: str) -> Program:
     real = real_of(name)
     if real == FLOAT64:
         return program
-    made = replace(
+    result = replace(
         program,
         real=real,
         kernels=tuple(_kernel(kernel, real) for kernel in program.kernels),
@@ -30,14 +30,14 @@ def in_precision(program: Program, name: str) -> Program:
             for stepper in program.steppers
         ),
     )
-    for where, value in _numbers(made):
+    for where, value in _numbers(result):
         if not real.holds(value):
             raise AssumptionError(
                 f"{where} has the number {value:.6g}, which {real.name} cannot hold with all"
                 " digits",
                 "float64 can; or choose units in which the numbers of the model are nearer to one",
             )
-    return made
+    return result
 
 
 def _kernel(kernel: Kernel, real: Real) -> Kernel:

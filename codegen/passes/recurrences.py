@@ -119,8 +119,8 @@ class Recurrences:
 
     def slot(self, left: Expression, right: Expression, weighted: bool = False) -> int:
         """The number of the sum over two series."""
-        made = Slot(str(left), str(right), weighted)
-        return self.slots.setdefault(made, len(self.slots))
+        slot = Slot(str(left), str(right), weighted)
+        return self.slots.setdefault(slot, len(self.slots))
 
     def term(self, value: Expression, factor: Expression = 1.0, sign: int = 1) -> list[Term]:
         """Of coefficient n of a value, if it has any."""

@@ -279,21 +279,21 @@ class Balance:
         another, the two are added first: the multiple of the other may fall away.
         """
         sizes = {size for _, size in self._multiples(node, scale)}
-        gone: dict[tuple[int, float], int] = {}
+        savings: dict[tuple[int, float], int] = {}
         for wanted, groups in near.sums:
             size = ratio(wanted, scale)
             only = None if size == 1.0 else groups.get(size, ONE)
             if only == ONE:
                 sizes.add(size)
             elif only is not None and only >= 0:
-                gone[only, size] = gone.get((only, size), 0) + 1
-        left = {key for key, count in gone.items() if near.steady.get(key) == count}
+                savings[only, size] = savings.get((only, size), 0) + 1
+        left = {key for key, count in savings.items() if near.steady.get(key) == count}
         before = self.scales[node]
         self.scales[node] = scale
         cost = sum(map(self._product_costs, near.products))
         cost += self._own_costs(node, near, left)
         self.scales[node] = before
-        return cost + len(sizes) + sum(gone.values()) - len(left)
+        return cost + len(sizes) + sum(savings.values()) - len(left)
 
     def _own_costs(self, node: int, near: _Near, left: set[tuple[int, float]]) -> int:
         """Of the node itself: what is multiplied inside of it, and multiples that nothing else

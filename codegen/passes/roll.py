@@ -88,7 +88,7 @@ def rolled(function: Function, arguments: Sequence[Argument]) -> Loops:
 
     nq = len(of.coordinates)
     ways, out, slots = _ways(of.parents)
-    made = Rolled(
+    result = Rolled(
         kinds=of.kinds_of,
         rows=of.rows_of,
         coordinates=of.coordinates,
@@ -112,8 +112,8 @@ def rolled(function: Function, arguments: Sequence[Argument]) -> Loops:
         ),
         width=bodies.width,
     )
-    kernel = _kernel(function, arguments, made, values)
-    counts = _operations(made)
+    kernel = _kernel(function, arguments, result, values)
+    counts = _operations(result)
     return Loops(
         replace(kernel, operations={name: n + once[name] for name, n in counts.items()}),
         tuple(entries),

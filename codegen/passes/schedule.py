@@ -131,14 +131,14 @@ def _turns(code: Code, wanted: set[int]) -> list[int]:
     """Sines and cosines of angles that need no others: they stand at the beginning and are computed
     side by side."""
     later: set[int] = set()  # what depends on a sine or cosine
-    found: list[int] = []
+    places: list[int] = []
     for i in sorted(wanted):
         depends = any(operand in later for operand in code.inner[i])
         if _is_turn(code, i) and not depends:
-            found.append(i)
+            places.append(i)
         if _is_turn(code, i) or depends:
             later.add(i)
-    return found
+    return places
 
 
 def _is_turn(code: Code, i: int) -> bool:

@@ -109,10 +109,10 @@ def _replace(
         inside[fresh] = inside.pop(pair[0])
         del inside[pair[1]]
     for new in pairs(inside):
-        found = where.setdefault(new, set())
-        found.add(node)
-        if fresh in new[:2] and len(found) > 1:
-            heapq.heappush(heap, (-len(found), new))
+        users = where.setdefault(new, set())
+        users.add(node)
+        if fresh in new[:2] and len(users) > 1:
+            heapq.heappush(heap, (-len(users), new))
 
 
 def _take_factors(inside: dict[int, float], pair: Pair, fresh: int) -> None:
@@ -126,20 +126,20 @@ def _take_factors(inside: dict[int, float], pair: Pair, fresh: int) -> None:
 def _rebuild(
     work: Work, kind: str, members: dict[int, dict[int, float]], extracted: dict[int, Pair]
 ) -> Work:
-    made: dict[int, Reference] = {}
+    images: dict[int, Reference] = {}
 
     def found(graph: Graph, member: int, done: dict[int, Reference]) -> Reference:
         """A member in the new graph; extracted pairs are made when first needed."""
         if member not in extracted:
             return done[member]
-        if member not in made:
+        if member not in images:
             a, b, ratio = extracted[member]
             left, right = found(graph, a, done), found(graph, b, done)
             if kind == "product":
-                made[member] = graph.product([(left, 1), (right, 1)])
+                images[member] = graph.product([(left, 1), (right, 1)])
             else:
-                made[member] = graph.sum([left, (ratio * right[0], right[1])])
-        return made[member]
+                images[member] = graph.sum([left, (ratio * right[0], right[1])])
+        return images[member]
 
     def rule(graph: Graph, node: int, done: dict[int, Reference]) -> Reference:
         if node not in members:

@@ -16,8 +16,8 @@ def with_steppers(program: Program, asked: Sequence[Request]) -> Program:
     if not program.simulates:
         return program
     numbers = range(max(1, len(program.charts)))
-    found = [_stepper(program, request, number) for request in asked for number in numbers]
-    return replace(program, steppers=tuple(found))
+    steppers = [_stepper(program, request, number) for request in asked for number in numbers]
+    return replace(program, steppers=tuple(steppers))
 
 
 def _stepper(program: Program, request: Request, chart: int) -> Stepper:

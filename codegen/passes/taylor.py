@@ -81,10 +81,10 @@ def faster_from(program: Program) -> float:
     where it never does (measured: chains of 2 and 5 pendulums, four_bar, snake3)."""
     if series_refusal(program):
         return 0.0
-    found = [series(program, suffix) for suffix in suffixes(program)]
-    if any(each.in_pieces for each in found):
+    candidates = [series(program, suffix) for suffix in suffixes(program)]
+    if any(each.in_pieces for each in candidates):
         return 0.0
-    products = max(len(each.slots) for each in found)
+    products = max(len(each.slots) for each in candidates)
     return next((rtol for most, rtol in FASTER if products <= most), 0.0)
 
 
@@ -131,12 +131,12 @@ class _Flattening:
             terms = [inner for term in step.terms for inner in self._terms(term)]
             self.flat[step.name] = Step(step.name, tuple(self._merged(terms)), step.condition)
         wanted = set(self.shown)
-        kept: list[Step] = []
+        steps: list[Step] = []
         for step in reversed(self.flat.values()):
             if step.name in wanted:
-                kept.append(step)
+                steps.append(step)
                 wanted |= {term.of for term in step.terms if isinstance(term.of, str)}
-        return tuple(reversed(kept))
+        return tuple(reversed(steps))
 
     def _terms(self, term: Term) -> list[Term]:
         """A term, or what it consists of."""
@@ -158,13 +158,13 @@ class _Flattening:
 
     def _merged(self, terms: Sequence[Term]) -> list[Term]:
         """One term of each coefficient."""
-        found: dict[str | int, Term] = {}
+        sums: dict[str | int, Term] = {}
         for term in terms:
-            before = found.get(term.of)
+            before = sums.get(term.of)
             if before is None:
-                found[term.of] = term
+                sums[term.of] = term
             else:
                 operation = "add" if before.sign == term.sign else "sub"
                 factor = self.tape.held(operation, before.factor, term.factor)
-                found[term.of] = Term(term.of, factor, before.sign)
-        return list(found.values())
+                sums[term.of] = Term(term.of, factor, before.sign)
+        return list(sums.values())

@@ -55,8 +55,8 @@ def _followed(
             whole = {i for i, a in given[0].items() if a.is_integer()}
             round_ |= whole
             seen |= given[0].keys() - whole
-        elif (made := _linear(step.code, given, constants)) is not None:
-            shifts[k] = made
+        elif (combination := _linear(step.code, given, constants)) is not None:
+            shifts[k] = combination
         else:
             seen |= {i for one in given for i in one}
     return shifts, round_, seen
@@ -93,5 +93,5 @@ def _linear(code: int, given: Sequence[Shift], constants: Sequence[float | None]
 
 
 def _sum(one: Mapping[int, float], other: Mapping[int, float], times: float) -> Shift:
-    made = {i: one.get(i, 0.0) + times * other.get(i, 0.0) for i in (*one, *other)}
-    return {i: a for i, a in made.items() if a}
+    total = {i: one.get(i, 0.0) + times * other.get(i, 0.0) for i in (*one, *other)}
+    return {i: a for i, a in total.items() if a}

@@ -42,16 +42,16 @@ def main(folder: pathlib.Path) -> list[str]:
         raise RuntimeError(f"no compiler for WebAssembly: {INSTALL}")
     first = [] if "ziglang" in command else STACK_FIRST
     names = sources(json.loads((folder / "manifest.json").read_text(encoding="utf-8")))
-    made = {f"wasm/{NAME}{end}.wasm": flags for end, flags in VARIANTS.items()}
+    outputs = {f"wasm/{NAME}{end}.wasm": flags for end, flags in VARIANTS.items()}
     tasks = [
         [*command, *FLAGS, *flags, *LINK, *EXPORTS, *first, *names, "-lm", "-o", out]
-        for out, flags in made.items()
+        for out, flags in outputs.items()
     ]
     with concurrent.futures.ThreadPoolExecutor(len(tasks)) as pool:
         for done in pool.map(functools.partial(run, folder), tasks):
             if done.returncode:
                 raise RuntimeError(f"{done.args[0]} failed: {done.stderr[-4000:]}")
-    return list(made)
+    return list(outputs)
 
 
 def run(folder: pathlib.Path, task: list[str]) -> subprocess.CompletedProcess[str]:

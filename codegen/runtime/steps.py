@@ -58,10 +58,10 @@ class Face:
         if substeps == 1 and method == "rk4" and not error:
             return self.quick(t, x, u, p, out)
         row = self._row(x, substeps, method)
-        found = self.general(t, row, u, p)
+        result = self.general(t, row, u, p)
         size = math.prod(self.shape)
-        value = found[..., :size].reshape(*found.shape[:-1], *self.shape)
-        apart, status = found[..., size:-1], found[..., -1]
+        value = result[..., :size].reshape(*result.shape[:-1], *self.shape)
+        apart, status = result[..., size:-1], result[..., -1]
         self._report(t, status, apart)
         if out is not None:
             self._check(out, value)
@@ -175,8 +175,8 @@ class _Step:
     def call(self, name: str, t: Any, x: Array, shape: tuple[int, ...]) -> Array:
         """A function of the model; rows where it fails keep why."""
         out = np.empty((*self.t.shape, math.prod(shape)), self.z.dtype)
-        found = self.model.kernels[name](t, x, self.u, self.p, out)
-        self.status = np.where(self.status, self.status, found)
+        result = self.model.kernels[name](t, x, self.u, self.p, out)
+        self.status = np.where(self.status, self.status, result)
         return out.reshape(*self.t.shape, *shape)
 
     def rates(self, t: Any, x: Array) -> Array:

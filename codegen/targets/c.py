@@ -307,19 +307,19 @@ def _is_turn(statement: Statement) -> bool:
 
 def _angles(section: Section) -> dict[Expression, dict[str, str]]:
     """Which locals are the sine and the cosine of an angle."""
-    found: dict[Expression, dict[str, str]] = {}
+    pairs: dict[Expression, dict[str, str]] = {}
     for statement in section.statements:
         if isinstance(statement.value, tuple) and _is_turn(statement):
-            found.setdefault(statement.value[1], {})[statement.value[0]] = statement.name
-    return found
+            pairs.setdefault(statement.value[1], {})[statement.value[0]] = statement.name
+    return pairs
 
 
 def _by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, _Step]:
     """At the first of a sine and cosine the a step for both."""
     steps: dict[str, _Step] = {}
-    for angle, found in _angles(section).items():
-        first = next(iter(found.values()))
-        sin, cos = (found.get(name) or _fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
+    for angle, pairs in _angles(section).items():
+        first = next(iter(pairs.values()))
+        sin, cos = (pairs.get(name) or _fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
         call = f"bad += {prefix}_sincos({text.expression(angle, text.C)}, &{sin}, &{cos});"
         steps[first] = _Step([f"double {sin}, {cos};", call], list(names(angle)), [sin, cos])
     return steps
@@ -339,21 +339,21 @@ def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, _Step
         last = [
             s.name
             for s in section.statements
-            if any(s.name in found.values() for _, found in group)
+            if any(s.name in pairs.values() for _, pairs in group)
         ]
         sines, cosines = _fresh("sines", taken), _fresh("cosines", taken)
         values = [*(text.expression(angle, text.C) for angle, _ in group), "0.0", "0.0", "0.0"][:4]
-        made = [
+        calls = [
             f"double {sines}[4], {cosines}[4];",
             f"{prefix}_turns({', '.join(values)}, {sines}, {cosines});",
         ]
-        for k, (_, found) in enumerate(group):
-            made += [
+        for k, (_, pairs) in enumerate(group):
+            calls += [
                 f"const double {local} = {sines if name == 'sin' else cosines}[{k}];"
-                for name, local in found.items()
+                for name, local in pairs.items()
             ]
         reads = [name for angle, _ in group for name in names(angle)]
-        step = _Step(made, reads, [local for _, found in group for local in found.values()])
+        step = _Step(calls, reads, [local for _, pairs in group for local in pairs.values()])
         steps[last[-1] if section.title == TURNS else last[0]] = step
     return steps
 

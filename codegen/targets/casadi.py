@@ -110,8 +110,8 @@ def plain_steppers(program: Program) -> tuple[Stepper, ...]:
 def _steps(program: Program) -> list[dict[str, str]]:
     """A step for each state derivative: its suffix, and what it calls."""
     suffixes = [chart.suffix for chart in program.charts] or [""]
-    found = [(suffix, program.in_chart("dynamics", suffix)) for suffix in suffixes]
-    return [{"suffix": s, "dynamics": k.name} for s, k in found if k and program.simulates]
+    charts = [(suffix, program.in_chart("dynamics", suffix)) for suffix in suffixes]
+    return [{"suffix": s, "dynamics": k.name} for s, k in charts if k and program.simulates]
 
 
 def _stepper(program: Program, kernel: Kernel) -> External:
@@ -181,15 +181,15 @@ def _blocks(program: Program, kernel: Kernel, sizes: dict[str, int]) -> tuple[Bl
     name, mark, chart = kernel.name.partition("_chart")
     if name != "dynamics":
         return ()
-    found: list[Block] = []
+    blocks: list[Block] = []
     for number, (argument, jacobian) in enumerate(JACOBIANS.items()):
         own = program.in_chart(jacobian, mark + chart)
         if argument in kernel.uses and own is None:
             return ()
         used = own if argument in kernel.uses else None
         first = _first(argument, sizes)
-        found.append(_block(number, used, first, (kernel.size, sizes[argument])))
-    return tuple(found)
+        blocks.append(_block(number, used, first, (kernel.size, sizes[argument])))
+    return tuple(blocks)
 
 
 def _first(argument: str, sizes: dict[str, int]) -> int:

@@ -124,8 +124,8 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
     """In C. In lanes entry i of an array is LANES numbers side by side."""
     at = {name: index.text(prefix) for name, index in indices(of).items()}
     language = text.LANES if lanes else text.C
-    made = tables(of, language)
-    computed = {k for k, table in enumerate(made) if table.computed}
+    constants = tables(of, language)
+    computed = {k for k, table in enumerate(constants) if table.computed}
 
     def entry(array: str, place: str) -> str:
         return f"{array}[({place}) * LANES + lane]" if lanes else f"{array}[{place}]"
@@ -162,7 +162,7 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
     return Text(
         of=of,
         prologue=tuple(prologue),
-        tables=made,
+        tables=constants,
         indices=tuple(x for x in indices(of).values() if not x.rule),
         row=at["row"],
         angles=tuple(None if v is None else angle(k, v) for k, v in enumerate(of.angles)),
@@ -220,10 +220,10 @@ def python_text(of: Rolled, language: text.Language, prologue: tuple[str, ...]) 
             for section in visit.sections
             for s in section.statements
         ]
-        kept = [f"r[{place}] = {text.expression(x, language)}" for place, x in visit.kept]
+        stores = [f"r[{place}] = {text.expression(x, language)}" for place, x in visit.kept]
         handed = ", ".join(text.expression(x, language) for x in visit.handed)
         result = "None" if visit.result is None else text.expression(visit.result, language)
-        return Block((*lines, *kept), (f"return [{handed}], {result}",))
+        return Block((*lines, *stores), (f"return [{handed}], {result}",))
 
     return Text(
         of=of,

@@ -60,33 +60,34 @@ def files(program: Program) -> dict[str, str]:
 
 
 def _body(program: Program, suffix: str) -> Body:
-    made = series(program, suffix)
+    coefficients = series(program, suffix)
     loads = [
         f"const double {load.name} = {load.argument}[{load.index}];"
-        for load in made.loads
+        for load in coefficients.loads
         if load.argument != "t"
     ]
-    start = list(_start(program, made.start))
-    used = {load.argument for load in made.loads}
+    start = list(_start(program, coefficients.start))
+    used = {load.argument for load in coefficients.loads}
     line = WIDEST * 8 // program.real.bits
-    lines = max(1, -(-len(made.slots) // line))
+    lines = max(1, -(-len(coefficients.slots) // line))
     return Body(
         suffix=suffix,
-        about=f"{len(made.slots)} products",
-        used=len(made.slots),
+        about=f"{len(coefficients.slots)} products",
+        used=len(coefficients.slots),
         slots=lines * line,
         stride=(lines | 1) * line,
-        turns=any(_is_turn(statement) for statement in made.start),
+        turns=any(_is_turn(statement) for statement in coefficients.start),
         loads=tuple(loads),
         start=tuple(start),
         guards=tuple(
-            (_value(g.value), text.number(g.tolerance), text.comment(g.name)) for g in made.guards
+            (_value(g.value), text.number(g.tolerance), text.comment(g.name))
+            for g in coefficients.guards
         ),
-        first=tuple(_first(made)),
-        step=tuple(_Order(made).lines()),
+        first=tuple(_first(coefficients)),
+        step=tuple(_Order(coefficients).lines()),
         unused=tuple(name for name in "tupc" if name not in used),
-        inputs=len(program.argument("u").names) if made.inputs else 0,
-        rates=len(made.rates),
+        inputs=len(program.argument("u").names) if coefficients.inputs else 0,
+        rates=len(coefficients.rates),
     )
 
 
@@ -165,13 +166,13 @@ class _Order:
 
     def _stores(self) -> dict[str, list[str]]:
         """Where coefficients go."""
-        found: dict[str, list[str]] = {}
+        stores: dict[str, list[str]] = {}
         for k, slot in enumerate(self.made.slots):
             left, right = self.made.coefficient(slot.left), self.made.coefficient(slot.right)
             weight = "order_n * " if slot.weighted else ""
-            found.setdefault(left, []).append(f"l[{k}] = {weight}{self._name(left)};")
-            found.setdefault(right, []).append(f"r[{k}] = {self._name(right)};")
-        return found
+            stores.setdefault(left, []).append(f"l[{k}] = {weight}{self._name(left)};")
+            stores.setdefault(right, []).append(f"r[{k}] = {self._name(right)};")
+        return stores
 
     def _sums(self) -> Iterator[str]:
         for k, slot in enumerate(self.made.slots):

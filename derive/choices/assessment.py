@@ -54,27 +54,27 @@ def comparison(system: System) -> Comparison:
     where no admissible state can be found."""
     survey = survey_of(system)
     refused: dict[str, str] = {}
-    found = {x.ranking.name: x for x in ranked_partitions(survey)}
+    partitions = {x.ranking.name: x for x in ranked_partitions(survey)}
     for choice in system.model.choices:  # under the name that the file has for it
         same = next(
             (
                 name
-                for name, x in found.items()
+                for name, x in partitions.items()
                 if x.ranking.rows == tuple(row for row, _ in choice.rows)
             ),
             "",
         )
-        if same and choice.name not in found:
-            found[choice.name] = replace(
-                found[same], ranking=replace(found[same].ranking, name=choice.name)
+        if same and choice.name not in partitions:
+            partitions[choice.name] = replace(
+                partitions[same], ranking=replace(partitions[same].ranking, name=choice.name)
             )
-            del found[same]
-    for name in _further(system, found):
+            del partitions[same]
+    for name in _further(system, partitions):
         try:
-            found[name] = carried_through(survey, declared(system, name))
+            partitions[name] = carried_through(survey, declared(system, name))
         except HamelError as error:
             refused[name] = str(error)
-    assessed = [assessment(survey, x) for x in found.values()]
+    assessed = [assessment(survey, x) for x in partitions.values()]
     return Comparison(tuple(sorted(assessed, key=_score)), refused)
 
 
@@ -197,7 +197,7 @@ def conditions_along(
         np.tile(system.parameters, (len(t), 1)).reshape(len(t), system.p.numel()),
     )
     A = survey.solver.rows(t, q, p)[0][:, list(survey.kept)]
-    found: dict[str, np.ndarray] = {}
+    conditions: dict[str, np.ndarray] = {}
     for name in names:
         B = carried_through(survey, declared(system, name)).reduction.B
         values = (
@@ -207,5 +207,5 @@ def conditions_along(
         )
         Y = np.concatenate([A, values], axis=1)
         lengths = np.linalg.norm(Y, axis=2, keepdims=True)
-        found[name] = np.linalg.cond(Y / np.where(lengths > 0, lengths, 1.0))
-    return found
+        conditions[name] = np.linalg.cond(Y / np.where(lengths > 0, lengths, 1.0))
+    return conditions

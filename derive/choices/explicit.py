@@ -75,13 +75,13 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     compared."""
     if system.long and _fits_recursion(system, reduction):
         return _deferred(system, reduction)
-    found = _articulated(system, reduction)
-    if not found or system.written:
-        found += _by_matrices(system, reduction)
+    solution = _articulated(system, reduction)
+    if not solution or system.written:
+        solution += _by_matrices(system, reduction)
     qdot = ca.substitute(system.qdot, system.v, reduction.v)
-    results = [ca.vertcat(qdot, x.wdot) for x in found]
-    counts = alternatives(results) if len(found) > 1 else [instructions(results[0])]
-    best = found[counts.index(min(counts))]
+    results = [ca.vertcat(qdot, x.wdot) for x in solution]
+    counts = alternatives(results) if len(solution) > 1 else [instructions(results[0])]
+    best = solution[counts.index(min(counts))]
     vdot = ca.mtimes(reduction.S, best.wdot) + reduction.sigma
     # the recursion makes no M_w; where it is used S = 1 and M_w is M
     mass = system.M if best.mass is None else _sparse(best.mass)
@@ -157,12 +157,12 @@ def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
     if not _fits_recursion(system, reduction):
         return []
     rotors = _entries(ca.densify(ca.diag(system.M_extra)))
-    found: list[_Gathered] = []
+    candidates: list[_Gathered] = []
     force = _forces_on_tree(system, reduction)
     for label, inertias in _inertias(system):
         wdot = _column(tree_solution(system.links, inertias, rotors, force).vdot)
-        found.append(_Gathered(f"articulated bodies{label}", None, force, wdot))
-    return found
+        candidates.append(_Gathered(f"articulated bodies{label}", None, force, wdot))
+    return candidates
 
 
 def _fits_recursion(system: System, reduction: Reduction) -> bool:

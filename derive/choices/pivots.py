@@ -33,8 +33,8 @@ def solved(
     """`matrix`(t, q, p) x = each side, by Gauss elimination with pivots that stay farthest from
     zero over the sampled states; where it has rows of a choice, `given` is that choice."""
     blocks = pivot_blocks(survey, matrix, given)
-    found = lu_solution(scalars(matrix), sides, blocks)
-    return Solved(found.x, blocks, found.pivots)
+    solution = lu_solution(scalars(matrix), sides, blocks)
+    return Solved(solution.x, blocks, solution.pivots)
 
 
 def pivot_blocks(survey: Survey, matrix: ca.SX, given: Reduction | None = None) -> list[Block]:

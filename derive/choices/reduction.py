@@ -57,21 +57,21 @@ def by_elimination(
     are independent. S is nv × nw, σ is nv × 1, guards are the pivots that vary. Raises Dependent
     and Undetermined as `elimination` does."""
     w = symbols_for(names)
-    found = elimination(system, rows, speeds, w, sampled, sizes)
+    result = elimination(system, rows, speeds, w, sampled, sizes)
     return Reduction(
         names=names,
         w=w,
         B=_matrix(speeds, system.v.numel()),
-        S=transformation(found, len(names)),
-        v=ca.vertcat(*found.v) if found.v else ca.SX(0, 1),
-        sigma=ca.vertcat(*found.sigma) if found.sigma else ca.SX(0, 1),
-        walked=found,
+        S=transformation(result, len(names)),
+        v=ca.vertcat(*result.v) if result.v else ca.SX(0, 1),
+        sigma=ca.vertcat(*result.sigma) if result.sigma else ca.SX(0, 1),
+        walked=result,
         guards=tuple(
-            _guard(system, found, step, sampled) for step in found.steps if step.block.grade == 2
+            _guard(system, result, step, sampled) for step in result.steps if step.block.grade == 2
         ),
-        pivots=tuple(_in_words(system, found, step) for step in found.steps),
+        pivots=tuple(_in_words(system, result, step) for step in result.steps),
         kept=kept,
-        constant_pivots=all(step.block.grade < 2 for step in found.steps),
+        constant_pivots=all(step.block.grade < 2 for step in result.steps),
     )
 
 

@@ -73,16 +73,16 @@ def groups(A: np.ndarray, kept: Sequence[int]) -> tuple[Group, ...]:
         return ()
     seen = A[:LOOKED_AT]
     weights = np.max(np.abs(seen[:, others] @ np.linalg.pinv(seen[:, list(kept)])), axis=0)
-    found: list[Group] = []
+    result: list[Group] = []
     for i, row in zip(others, weights):
         repeated = tuple(k for k, x in zip(kept, row) if x > TAKES_PART)
         group = Group(repeated, (i,), (repeated,))
-        for other in [g for g in found if set(g.kept) & set(group.kept)]:
-            found.remove(other)
+        for other in [g for g in result if set(g.kept) & set(group.kept)]:
+            result.remove(other)
             both = tuple(sorted({*other.kept, *group.kept}))
             group = Group(both, (*other.others, *group.others), (*other.repeats, *group.repeats))
-        found.append(group)
-    return tuple(found)
+        result.append(group)
+    return tuple(result)
 
 
 def selected(system: System, kept: Sequence[int]) -> Independent:
@@ -120,8 +120,8 @@ def _pseudo_inverse(kept: ca.SX, others: ca.SX) -> tuple[ca.SX, Vector]:
     )
     C = ca.vertcat(*[ca.horzcat(*row) for row in gram.x])
     sides = [*_rows(ca.SX.eye(r)), *_rows(C)]
-    found = ldl_solution(scalars(ca.SX.eye(r) + ca.mtimes(C.T, C)), sides, range(r)).x
-    return ca.horzcat(*[ca.vertcat(*column) for column in found]), gram.pivots
+    solution = ldl_solution(scalars(ca.SX.eye(r) + ca.mtimes(C.T, C)), sides, range(r)).x
+    return ca.horzcat(*[ca.vertcat(*column) for column in solution]), gram.pivots
 
 
 def _rows(matrix: ca.SX) -> list[Vector]:
@@ -149,13 +149,13 @@ def dependent_rows(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
         if np.linalg.svd(scaled[[*there, i]], compute_uv=False)[-1] > DEPENDENT:
             there.append(i)
     here = groups(scaled[None], there)
-    found = [
+    dependent = [
         replace(group, others=(i,), repeats=(rows,))
         for group in here
         for i, rows in zip(group.others, group.repeats)
     ]
-    found = [group for group in found if group.others[0] in kept]
-    return " and ".join(text for text, _ in _claims(system, found))
+    dependent = [group for group in dependent if group.others[0] in kept]
+    return " and ".join(text for text, _ in _claims(system, dependent))
 
 
 def _claims(system: System, found: Sequence[Group]) -> Iterator[tuple[str, int]]:

@@ -182,13 +182,13 @@ def carried_out(
         [*survey.form_sizes, *row_lengths(_numeric_rows(survey, B)).tolist()],
         survey.sampled_for(B),
     )
-    found = _in_every_way(survey, names, rows, sampled, sizes)
-    counts = alternatives([ca.vertcat(x.v, x.sigma) for x in found])
+    ways = _in_every_way(survey, names, rows, sampled, sizes)
+    counts = alternatives([ca.vertcat(x.v, x.sigma) for x in ways])
     best = min(
-        range(len(found)),
-        key=lambda k: (not found[k].constant_pivots, len(found[k].guards), counts[k]),
+        range(len(ways)),
+        key=lambda k: (not ways[k].constant_pivots, len(ways[k].guards), counts[k]),
     )
-    reduction, equations = found[best], explicit(survey.system, found[best])
+    reduction, equations = ways[best], explicit(survey.system, ways[best])
     ranking = judged(survey, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
 
@@ -202,18 +202,18 @@ def _in_every_way(
 ) -> list[Reduction]:
     """The elimination with the constraint rows in every way of writing them that says as much as
     the first: of rows that repeat each other, others may be the ones to drop about other axes."""
-    found: list[Reduction] = []
+    reductions: list[Reduction] = []
     refused: Dependent | Undetermined | None = None
     for forms in survey.forms:
         try:
-            found.append(
+            reductions.append(
                 by_elimination(survey.system, names, rows, forms, sampled, survey.kept, sizes)
             )
         except (Dependent, Undetermined) as error:
             refused = refused or error
-    if refused and not found:
+    if refused and not reductions:
         raise refused
-    return found
+    return reductions
 
 
 def _are_the_base(rows: Sequence[RowForm]) -> bool:
@@ -260,8 +260,8 @@ def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
     values = np.linalg.svd(np.concatenate([survey.rows, even_rows(B)], axis=1), compute_uv=False)
     if not values.size or values.shape[1] < nv:
         return (1.0, 1.0) if not nv else (np.inf, np.inf)
-    found = values[:, 0] / np.maximum(values[:, nv - 1], NONZERO)
-    return float(np.median(found)), float(np.max(found))
+    ratios = values[:, 0] / np.maximum(values[:, nv - 1], NONZERO)
+    return float(np.median(ratios)), float(np.max(ratios))
 
 
 def _orthonormal(survey: Survey, choice: Choice) -> Resolved:

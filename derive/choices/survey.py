@@ -220,8 +220,8 @@ def survey_of(system: System, moving: bool = False) -> Survey:
     """The survey of a system. Raises AssumptionError where no consistent state can be found to look
     at: ranks and pivots are judged at admissible states alone, as off φ = 0 rows that repeat others
     look independent."""
-    found = Survey(system, moving)
-    if not len(found.sampled.t):
+    result = Survey(system, moving)
+    if not len(result.sampled.t):
         message = "no configuration near the initial values satisfies the constraints"
         if not system.rows:
             message = (
@@ -229,7 +229,7 @@ def survey_of(system: System, moving: bool = False) -> Survey:
                 "coordinates finite"
             )
         raise AssumptionError(Diagnostic(file=system.model.file, message=message))
-    return found
+    return result
 
 
 def _ways(system: System) -> list[tuple[int, ...]]:

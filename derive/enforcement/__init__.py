@@ -47,15 +47,15 @@ def kept_equations(
     """The equations that a simulation with this enforcement integrates: the system may get another
     β (Baumgarte), the result another q̇ (feedback) or further functions (invariants). Every chart
     gets the same. Raises AssumptionError where the enforcement does not fit them."""
-    found = equations(enforcement.system(system, options), choice, formulation, moving=True)
-    reason = misfit(enforcement, found, options)
+    result = equations(enforcement.system(system, options), choice, formulation, moving=True)
+    reason = misfit(enforcement, result, options)
     if reason:
         raise AssumptionError(
             f"{system.model.name}, {formulation}: enforcement '{enforcement.name}' does not "
             f"fit: {reason}"
         )
-    charts = tuple(enforcement.equations(chart, options) for chart in found.charts)
-    return replace(enforcement.equations(found, options), charts=charts)
+    charts = tuple(enforcement.equations(chart, options) for chart in result.charts)
+    return replace(enforcement.equations(result, options), charts=charts)
 
 
 __all__ = ["ENFORCEMENTS", "Enforcement", "Options", "kept_equations", "misfit", "usual_rate"]

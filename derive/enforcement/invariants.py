@@ -108,9 +108,13 @@ def _manifold(equations: Equations, held: list[tuple[str, ca.SX]], euclidean: bo
     x = equations.argument("x").symbols
     nq = system.q.numel()
     w = x[nq:, 0]
-    made = {request.name: request for request in equations.requests}
-    closure = made["closure"].function.result if "closure" in made else None
-    slip = made["slip"].function.result if "slip" in made and keeps_velocities(equations) else None
+    requests = {request.name: request for request in equations.requests}
+    closure = requests["closure"].function.result if "closure" in requests else None
+    slip = (
+        requests["slip"].function.result
+        if "slip" in requests and keeps_velocities(equations)
+        else None
+    )
     parts = [result.value[:, 0] for result in (closure, slip) if result is not None] + [
         value for _, value in held
     ]

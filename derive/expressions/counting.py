@@ -31,8 +31,8 @@ def instructions(result: ca.SX) -> int:
     """What CasADi runs for a result: like `operations`, but equal subexpressions that were written
     twice count twice. For graphs of which there is no other to compare with, it takes no time."""
     symbols = ca.vertcat(ca.SX(0, 1), *ca.symvar(result))
-    made = ca.Function("count", [symbols], [result])
-    return made.n_instructions() - symbols.numel() - made.nnz_out(0)
+    function = ca.Function("count", [symbols], [result])
+    return function.n_instructions() - symbols.numel() - function.nnz_out(0)
 
 
 def alternatives(results: Sequence[ca.SX]) -> list[int]:

@@ -189,11 +189,11 @@ class _Parser:
         """(0.1 N*m): a number and its unit alone in brackets, whatever the model calls its own
         things."""
         start, end = self.token.at, self.text.find(")", self.token.at)
-        found = quantity(self.text[start + 1 : end]) if end > 0 else None
-        if found is None or not found.unit:
+        number = quantity(self.text[start + 1 : end]) if end > 0 else None
+        if number is None or not number.unit:
             return None
         self.token = self._read(end + 1)
-        return tree.Number(found.value, found.unit, start)
+        return tree.Number(number.value, number.unit, start)
 
     def number(self) -> tree.Number:
         """A number with the unit that may follow it, in SI: `3 cm` is 0.03 m, `2 /s` is 2 1/s.
@@ -458,11 +458,11 @@ class _Parser:
         return token.at + len(token.text)
 
     def _read(self, at: int) -> _Token:
-        found = _TOKEN.match(self.text, at)
-        if found is None or found.lastgroup is None:
+        match = _TOKEN.match(self.text, at)
+        if match is None or match.lastgroup is None:
             return _Token("end", "", len(self.text))
-        kind = found.lastgroup
-        return _Token(kind, found.group(kind), found.start(kind))
+        kind = match.lastgroup
+        return _Token(kind, match.group(kind), match.start(kind))
 
 
 def _negated(argument: Expression, at: int) -> Expression:

@@ -54,14 +54,14 @@ def _natural(x: Vector, y: Vector) -> Vector:
 def _monotone(x: Vector, y: Vector) -> Vector:
     """Weighted harmonic means of the slopes beside, zero where these have opposite signs."""
     h, d = np.diff(x), np.diff(y) / np.diff(x)
-    found = np.empty(len(x))
-    found[0], found[-1] = d[0], d[-1]
+    result = np.empty(len(x))
+    result[0], result[-1] = d[0], d[-1]
     for i in range(1, len(x) - 1):
         first, second = 2.0 * h[i] + h[i - 1], h[i] + 2.0 * h[i - 1]
         alike = d[i - 1] * d[i] > 0.0
         mean = (first + second) / (first / d[i - 1] + second / d[i]) if alike else 0.0
-        found[i] = mean
-    return found
+        result[i] = mean
+    return result
 
 
 def spline(

@@ -153,14 +153,14 @@ def _changes_sign(guards: Sequence[Guard], survey: Survey) -> bool:
 
 
 def _candidates(survey: Survey) -> list[Resolved]:
-    found = ranked_partitions(survey)
+    partitions = ranked_partitions(survey)
     for choice in survey.system.model.choices:
         if choice.kind not in ("rows", "auto"):
             try:
-                found.append(carried_through(survey, choice))
+                partitions.append(carried_through(survey, choice))
             except HamelError:
                 continue  # `hamel choices` says why
-    return found
+    return partitions
 
 
 def _guards_of(found: Resolved) -> tuple[Guard, ...]:

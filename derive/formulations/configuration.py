@@ -38,7 +38,7 @@ def configuration(system: System) -> tuple[Request, ...]:
     v."""
     if not system.v.numel():
         return ()
-    found = [
+    functions = [
         Request("qdot", "rates q̇ = N(q) v of the coordinates, from (q, v)", lambda: _qdot(system)),
         Request(
             "integrate",
@@ -52,14 +52,14 @@ def configuration(system: System) -> tuple[Request, ...]:
         ),
     ]
     if system.quaternions:
-        found.append(
+        functions.append(
             Request(
                 "normalise",
                 "q with every quaternion brought to length one",
                 lambda: _normalise(system),
             )
         )
-    return tuple(found)
+    return tuple(functions)
 
 
 def _qdot(system: System) -> Function:

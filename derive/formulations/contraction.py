@@ -62,8 +62,8 @@ def _newton_euler(system: System, motion: Motion, vdot: ca.SX, mu: ca.SX) -> _Re
     still = [0.0] * mu.numel()
     product = column(joint_forces_of_motion(system.links, still, entries(mu), [0.0, 0.0, 0.0]))
     product = product + ca.mtimes(system.M_extra, mu)
-    found = (at_motion(system, motion, x) for x in (value, product, system.M))
-    return _Residual(vdot, mu, *found)
+    parts = (at_motion(system, motion, x) for x in (value, product, system.M))
+    return _Residual(vdot, mu, *parts)
 
 
 def _contraction(

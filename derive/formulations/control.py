@@ -141,11 +141,11 @@ def _inverse(system: System, motion: Motion, of: Minimal) -> Function:
     wdot = ca.vertcat(*[ca.SX.sym(f"d_{name}") for name in motion.names])
     wanted = cheapest([scalars(x) for x in _demands(system, motion, of, wdot)])
     needed: Vector = [row[0] for row in wanted]
-    found = distribution(system, motion, _of_inputs(system, of), needed)
+    outcome = distribution(system, motion, _of_inputs(system, of), needed)
     names = tuple(item.name for item in system.model.inputs)
     units = tuple(item.unit for item in system.model.inputs)
-    result = Result("u", ca.densify(ca.vertcat(*found.u)), names, units)
-    guards: tuple[Guard, ...] = (*motion.guards, *found.guards)
+    result = Result("u", ca.densify(ca.vertcat(*outcome.u)), names, units)
+    guards: tuple[Guard, ...] = (*motion.guards, *outcome.guards)
     taken = _with_rates(system, motion, wdot)
     return Function("inverse_dynamics_u", INVERSE, result, guards=guards, x=taken)
 

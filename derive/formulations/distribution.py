@@ -86,8 +86,8 @@ def _solution(block: Matrix, needed: Vector) -> tuple[Vector, Vector]:
         inverse, determinant = small_inverse(block)
         return [dot(row, needed) for row in inverse], [determinant]
     gram = [[dot(a, b) for b in block] for a in block]
-    found = ldl_solution(gram, [needed], range(len(block)))
-    return [dot(column, found.x[0]) for column in transpose(block)], found.pivots
+    solution = ldl_solution(gram, [needed], range(len(block)))
+    return [dot(column, solution.x[0]) for column in transpose(block)], solution.pivots
 
 
 def _guards(
@@ -113,8 +113,8 @@ def _largest(system: System, motion: Motion, values: ca.SX) -> list[float]:
     at = ca.Function("pivots", [system.t, system.q, symbols], [values])
     s = states(system, SAMPLES)
     given = frame.values if frame else ()
-    found = [
+    subsets = [
         np.abs(np.array(at(t, q, np.concatenate([p_, given])))).ravel()
         for t, q, p_ in zip(s.t, s.q, s.p)
     ]
-    return [float(x) for x in np.max(found, axis=0)] if found else [1.0] * values.numel()
+    return [float(x) for x in np.max(subsets, axis=0)] if subsets else [1.0] * values.numel()

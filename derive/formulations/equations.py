@@ -51,20 +51,20 @@ def equations(
         raise AssumptionError(
             f"{system.model.name}: formulation {asked.name} does not fit: {reason}"
         )
-    found = [_of_choice(asked, survey, one) for one in (wanted if asked.chooses else wanted[:1])]
-    if len(found) > 1 and not carried:
+    result = [_of_choice(asked, survey, one) for one in (wanted if asked.chooses else wanted[:1])]
+    if len(result) > 1 and not carried:
         names = listed(state.name for state in system.model.states)
         raise AssumptionError(
             f"{system.model.name}: charts do not carry first-order states ({names})",
             "one choice of quasi-velocities",
         )
-    if len(found) > 1:
-        return charted(found, survey)
+    if len(result) > 1:
+        return charted(result, survey)
     if charts and carried and choice is None:
         return covered(
-            found[0], survey, lambda name: _of_choice(asked, survey, declared(system, name))
+            result[0], survey, lambda name: _of_choice(asked, survey, declared(system, name))
         )
-    return found[0]
+    return result[0]
 
 
 def _names(choice: str | None) -> list[str | None]:
@@ -72,13 +72,13 @@ def _names(choice: str | None) -> list[str | None]:
 
 
 def _of_choice(asked: Formulation, survey: Survey, choice: Choice) -> Equations:
-    found, system = asked.build(survey, choice), survey.system
+    result, system = asked.build(survey, choice), survey.system
     moves = configuration(system) if is_plain(system) else ()
     further = (
-        *manifold(found, survey.kept, survey.closing),
+        *manifold(result, survey.kept, survey.closing),
         *moves,
     )
-    return replace(found, requests=(*found.requests, *further))
+    return replace(result, requests=(*result.requests, *further))
 
 
 def named(formulation: str) -> Formulation:

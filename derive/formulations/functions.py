@@ -120,7 +120,7 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
     """The functions of the module in the order they stand in the generated code: dynamics, mass,
     bias, inverse_dynamics, constraints, project, reactions, energy, power, outputs, events,
     velocity, state, and those of the configuration. What the model has no use for is absent."""
-    found = [
+    result = [
         _dynamics(system, motion),
         _mass(system) if system.written else None,
         _bias(system, motion),
@@ -136,7 +136,7 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
         _state(system, motion),
         *([] if is_plain(system) else [request.function for request in configuration(system)]),
     ]
-    return tuple(function for function in found if function is not None)
+    return tuple(function for function in result if function is not None)
 
 
 def at_motion(system: System, motion: Motion, expression: ca.SX) -> ca.SX:
@@ -234,8 +234,8 @@ def _inverse_dynamics(system: System) -> Function:
         return inertial + system.h_extra - idle
 
     value = _formed(system, nv, forces)
-    told = "(q, v, z, v̇)" if model.states else "(q, v, v̇)"
-    about = f"forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from {told}"
+    label = "(q, v, z, v̇)" if model.states else "(q, v, v̇)"
+    about = f"forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from {label}"
     return Function("inverse_dynamics", about, Result("tau", value, names, ()), x=taken)
 
 
@@ -519,5 +519,5 @@ def _state(system: System, motion: Motion) -> Function:
     value = ca.vertcat(system.q, ca.mtimes(motion.B, system.v), system.z)
     labels, units = labels_of_state(system, motion), units_of_state(system, motion)
     result = Result("x", value, labels, units)
-    told = "x = (q, w, z) from (q, v, z)" if system.model.states else "x = (q, w) from (q, v)"
-    return Function("state", f"state {told}: w = B v", result, x=_in_velocities(system))
+    label = "x = (q, w, z) from (q, v, z)" if system.model.states else "x = (q, w) from (q, v)"
+    return Function("state", f"state {label}: w = B v", result, x=_in_velocities(system))

@@ -43,10 +43,10 @@ def constrained_motion(A: ca.SX, beta: Vector, inverse: Sequence[Vector]) -> Con
         for i in range(len(rows))
     ]
     side = [b - dot(row, free) for b, row in zip(beta, rows)]
-    found = ldl_solution(G, [side], range(len(rows)))
-    lam = found.x[0]
+    solution = ldl_solution(G, [side], range(len(rows)))
+    lam = solution.x[0]
     vdot = [a + dot([x[j] for x in response], lam) for j, a in enumerate(free)]
-    return Constrained(vdot, lam, free, G, found.pivots)
+    return Constrained(vdot, lam, free, G, solution.pivots)
 
 
 def inverse_applied(system: System, sides: Sequence[Vector]) -> list[Vector]:
@@ -69,7 +69,7 @@ def rows_of(A: ca.SX) -> Matrix:
 def named(found: Constrained, A: ca.SX, beta: Vector) -> tuple[Named, ...]:
     """What the derivation shows; A and β of the independent rows."""
     G = ca.vertcat(*[ca.horzcat(*row) for row in found.G]) if found.G else ca.SX(0, 0)
-    kept = (
+    terms = (
         Named("A_kept", "independent rows of A", A),
         Named("beta_kept", "β of these", _column(beta)),
     )
@@ -77,7 +77,7 @@ def named(found: Constrained, A: ca.SX, beta: Vector) -> tuple[Named, ...]:
     return (
         Named("a", "accelerations without constraints", _column(found.free)),
         Named("G", "A M⁻¹ Aᵀ", G),
-        *kept,
+        *terms,
         forces,
     )
 

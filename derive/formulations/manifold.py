@@ -160,7 +160,7 @@ def _guards(equations: Equations, kept: Sequence[int], dynamics: Function) -> Fu
 def _independence(rows: list[Vector]) -> list[Scalar]:
     """Of each row from those before it: the length of what is left of it by Gram–Schmidt."""
     done: list[Vector] = []
-    found: list[Scalar] = []
+    ratios: list[Scalar] = []
     for row in rows:
         rest = row
         for unit in done:
@@ -168,6 +168,6 @@ def _independence(rows: list[Vector]) -> list[Scalar]:
             if not is_zero(along):
                 rest = [x if is_zero(e) else x - along * e for x, e in zip(rest, unit)]
         length = ca.sqrt(dot(rest, rest))
-        found.append(length)
+        ratios.append(length)
         done.append([0.0 if is_zero(x) else x / length for x in rest])
-    return found
+    return ratios

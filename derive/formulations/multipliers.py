@@ -29,5 +29,5 @@ def bordered_solution(M: ca.SX, A: ca.SX, top: Vector, bottom: Vector) -> Border
     """
     nv, nc = M.size1(), A.size1()
     matrix = scalars(ca.blockcat([[M, A.T], [A, ca.SX(nc, nc)]]))
-    found = ldl_solution(matrix, [[*top, *bottom]], [*reversed(range(nv)), *range(nv, nv + nc)])
-    return Bordered(found.x[0][:nv], found.x[0][nv:], found.pivots[nv:])
+    solution = ldl_solution(matrix, [[*top, *bottom]], [*reversed(range(nv)), *range(nv, nv + nc)])
+    return Bordered(solution.x[0][:nv], solution.x[0][nv:], solution.pivots[nv:])

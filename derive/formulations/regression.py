@@ -51,8 +51,8 @@ def _over_w(system: System, motion: Motion, of: Minimal | None) -> Iterator[Requ
 
 
 def _values(system: System) -> Function:
-    found = parameters(system)
-    names, units = tuple(x.name for x in found), tuple(x.unit for x in found)
+    result = parameters(system)
+    names, units = tuple(x.name for x in result), tuple(x.unit for x in result)
     value = ca.densify(parameter_values(system))
     return Function("standard_parameters", VALUES, Result("pi", value, names, units))
 

@@ -16,13 +16,13 @@ def request_of(equations: Equations, name: str) -> Request | None:
         return single[name]
     offered = {family.name: family for family in equations.families}
     known = frames_of(equations.system.model) if offered else {}
-    found = [(family, frame) for family, frame in readings(name, known) if family in offered]
-    if len(found) > 1:
-        meanings = " or ".join(f"{family} of {frame}" for family, frame in found)
+    matches = [(family, frame) for family, frame in readings(name, known) if family in offered]
+    if len(matches) > 1:
+        meanings = " or ".join(f"{family} of {frame}" for family, frame in matches)
         raise AssumptionError(
             f"'{name}' may be {meanings}", "give one of the two a name of its own under `frames:`"
         )
-    return _of_frame(name, offered[found[0][0]], found[0][1]) if found else None
+    return _of_frame(name, offered[matches[0][0]], matches[0][1]) if matches else None
 
 
 def _of_frame(name: str, family: Family, frame: str) -> Request:

@@ -75,7 +75,7 @@ def recursion(system: System, otherwise: str = "") -> Recursion:
         rows.append(_row(links, i, frames, ground, own, place[i] == place[links[i].parent] + 1))
     kinds, kinds_of, rows_of, joints = _kinds(system, rows, q, v)
     gravity = ground.T @ np.array([_number(x, "gravity") for x in system.gravity])
-    made, row = sweeps(joints, [_exact(x) for x in gravity])
+    loops, row = sweeps(joints, [_exact(x) for x in gravity])
     return Recursion(
         parents=tuple(place[links[i].parent] for i in order),
         kinds_of=kinds_of,
@@ -85,7 +85,7 @@ def recursion(system: System, otherwise: str = "") -> Recursion:
         inputs_of=tuple(x.inputs for x in rows),
         kinds=kinds,
         angles=tuple(None if x.slides else plus(x.q, x.offset) for x in joints),
-        sweeps=made,
+        sweeps=loops,
         t=system.t,
         q=q,
         v=v,

@@ -145,8 +145,8 @@ def _is_rotation(system: System, block: ca.SX) -> bool:
     symbols = ca.vertcat(system.t, system.q, system.p)
     at = ca.Function("block", [symbols], [ca.densify(block)])
     values = np.random.default_rng(0).uniform(0.5, 1.5, (symbols.numel(), 3))
-    found = [np.array(at(column)) for column in values.T]
-    return all(np.allclose(N @ N.T, np.eye(len(N)), atol=1e-12) for N in found)
+    rotations = [np.array(at(column)) for column in values.T]
+    return all(np.allclose(N @ N.T, np.eye(len(N)), atol=1e-12) for N in rotations)
 
 
 def _terms(system: System, motion: Motion, inertias: Sequence[Inertia]) -> _Terms:
@@ -203,11 +203,11 @@ def rest_of(system: System, motion: Motion, vdot: Vector, roots: Sequence[Link] 
     value = ca.mtimes(system.M_extra, symbols) + system.h_extra - system.Q
     slopes = [ca.jacobian(value, x) for x in (system.q, system.v, system.u)]
     at = column(vdot)
-    found = [
+    rest = [
         ca.sparsify(at_motion(system, motion, ca.substitute(x, symbols, at)))
         for x in (value, *slopes)
     ]
-    return _Rest(found[0], system.M_extra, *found[1:])
+    return _Rest(rest[0], system.M_extra, *rest[1:])
 
 
 def entries(column: ca.SX) -> Vector:
@@ -263,9 +263,9 @@ def _of_terms(system: System, motion: Motion, terms: _Terms, solve: Solve) -> Sl
         *_columns(scalars(terms.by_v)),
         *_columns(scalars(terms.by_u)),
     ]
-    found = _of_sides(terms.mass, sides, solve)
-    moves, by_q = found[:, :nv], found[:, nv : nv + nq]
-    by_v, by_u = found[:, nv + nq : 2 * nv + nq], found[:, 2 * nv + nq :]
+    slopes = _of_sides(terms.mass, sides, solve)
+    moves, by_q = slopes[:, :nv], slopes[:, nv : nv + nq]
+    by_v, by_u = slopes[:, nv + nq : 2 * nv + nq], slopes[:, 2 * nv + nq :]
     by_q = by_q + ca.mtimes(moves, terms.way)
     vdot = column(terms.vdot)
     for link in terms.afloat:
@@ -332,14 +332,14 @@ def _elimination(
 def _factors(M: Matrix) -> tuple[dict[tuple[int, int], Scalar], Vector]:
     """L of M = Lᵀ D L by (row, unknown) in the order of elimination, and D."""
     A, order = [list(row) for row in M], _tip_to_base(len(M))
-    found: dict[tuple[int, int], Scalar] = {}
+    factors: dict[tuple[int, int], Scalar] = {}
     for step, k in enumerate(order):
         beyond = [i for i in order[step + 1 :] if not is_zero(A[i][k])]
-        found |= {(i, k): A[i][k] / A[k][k] for i in beyond}
+        factors |= {(i, k): A[i][k] / A[k][k] for i in beyond}
         for a, i in enumerate(beyond):
             for j in beyond[a:]:
-                A[i][j] = A[j][i] = minus(A[i][j], times(found[i, k], A[j][k]))
-    return found, [A[k][k] for k in range(len(M))]
+                A[i][j] = A[j][i] = minus(A[i][j], times(factors[i, k], A[j][k]))
+    return factors, [A[k][k] for k in range(len(M))]
 
 
 def _filled(sides: ca.SX) -> list[tuple[int, int]]:
@@ -361,9 +361,9 @@ def _columns(rows: Matrix) -> list[Vector]:
 def _of_sides(M: Matrix, sides: Sequence[Vector], solve: Solve) -> ca.SX:
     """Of the sides that are not zero by structure; a column each."""
     wanted = [k for k, side in enumerate(sides) if not all(is_zero(x) for x in side)]
-    found = solve(M, [sides[k] for k in wanted])
+    solutions = solve(M, [sides[k] for k in wanted])
     result = ca.SX(len(M), len(sides))
-    for k, column in zip(wanted, found):
+    for k, column in zip(wanted, solutions):
         for i, x in enumerate(column):
             if not is_zero(x):
                 result[i, k] = x
@@ -495,10 +495,13 @@ def _through(
     r_q = by_q + ca.mtimes(by_v, carried.v_by_q) + ca.mtimes(M, carried.by_q)
     r_w = ca.mtimes(by_v, of.S) + ca.mtimes(M, carried.by_w)
     sides = ca.sparsify(ca.mtimes(of.S.T, -ca.horzcat(r_q, r_w, rest.by_u)))
-    found = _of_sides(scalars(of.mass), _columns(scalars(sides)), _by_factors)
+    solutions = _of_sides(scalars(of.mass), _columns(scalars(sides)), _by_factors)
     nq, nw = system.q.numel(), len(motion.names)
-    wdot_q, wdot_w = found[:, :nq] - carried.along_q, found[:, nq : nq + nw] - carried.along_w
-    known = _Known(motion.wdot, wdot_q, wdot_w, found[:, nq + nw :], carried.v_by_q)
+    wdot_q, wdot_w = (
+        solutions[:, :nq] - carried.along_q,
+        solutions[:, nq : nq + nw] - carried.along_w,
+    )
+    known = _Known(motion.wdot, wdot_q, wdot_w, solutions[:, nq + nw :], carried.v_by_q)
     return slopes_of(system, motion, known)
 
 

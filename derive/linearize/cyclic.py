@@ -24,17 +24,17 @@ def cyclic_coordinates(equations: Equations) -> tuple[int, ...]:
         equations.system.q.numel(),
         equations.system.phi.numel() + len(equations.system.quaternions),
     )
-    found = set(range(nq))
+    cyclic = set(range(nq))
     while True:
         rows = [
             i
             for i in range(slopes.shape[0])
-            if not (fixed <= i < fixed + nq and i - fixed in found)
+            if not (fixed <= i < fixed + nq and i - fixed in cyclic)
         ]
-        lost = {j for j in found if np.any(slopes[rows, j])}
+        lost = {j for j in cyclic if np.any(slopes[rows, j])}
         if not lost:
-            return tuple(sorted(found))
-        found -= lost
+            return tuple(sorted(cyclic))
+        cyclic -= lost
 
 
 def _slopes(equations: Equations) -> np.ndarray:
@@ -48,9 +48,9 @@ def _slopes(equations: Equations) -> np.ndarray:
     w = [np.asarray(B(0.0, q, p)) @ v for q, v, p in zip(sampled.q, sampled.v, sampled.p)]
     own, z = np.split(sampled.p, [len(system.own_parameters)], axis=1)
     at = np.hstack([sampled.q, np.array(w).reshape(len(sampled.q), -1), z])
-    found = np.abs(evaluator(equations, ca.jacobian(value, x))(at, sampled.u, own))
-    scale = np.max(found, axis=2, keepdims=True, initial=0.0)
-    return np.any(found[:, :, : system.q.numel()] > NOTHING * (LEAST_SCALE + scale), axis=0)
+    sizes = np.abs(evaluator(equations, ca.jacobian(value, x))(at, sampled.u, own))
+    scale = np.max(sizes, axis=2, keepdims=True, initial=0.0)
+    return np.any(sizes[:, :, : system.q.numel()] > NOTHING * (LEAST_SCALE + scale), axis=0)
 
 
 def _speed_rows(equations: Equations) -> ca.SX:
@@ -61,15 +61,15 @@ def confirmed(equations: Equations, names: tuple[str, ...]) -> tuple[int, ...]:
     """Indices in q of coordinates that are said to be cyclic. Raises AssumptionError where a name
     is unknown or the equations depend on the coordinate."""
     known = [c.name for c in equations.system.model.coordinates]
-    found = cyclic_coordinates(equations)
+    result = cyclic_coordinates(equations)
     for name in names:
         if name not in known:
             raise AssumptionError(
                 f"unknown coordinate '{name}'",
                 did_you_mean(name, known) or f"known: {listed(known)}",
             )
-        if known.index(name) not in found:
-            cyclic = listed(known[i] for i in found) or "none"
+        if known.index(name) not in result:
+            cyclic = listed(known[i] for i in result) or "none"
             raise AssumptionError(
                 f"'{name}' is not cyclic: the equations depend on it",
                 f"cyclic coordinates: {cyclic}",

@@ -47,7 +47,7 @@ def _directions(study: Study, y0: np.ndarray, names: tuple[str, ...]) -> np.ndar
     """∂y/∂(p, s) along what varies, ny × (np + ns), from one further motion each; zero where there
     is none so near."""
     labels = (*study.equations.arguments[3].labels, *study.problem.motion.sweepable)
-    found = np.zeros((len(y0), len(labels)))
+    directions = np.zeros((len(y0), len(labels)))
     for name in names:
         step = 0.01 * (abs(study.at[name]) or 1.0)
         p, s = study.values({name: [study.at[name] + step]})
@@ -55,8 +55,8 @@ def _directions(study: Study, y0: np.ndarray, names: tuple[str, ...]) -> np.ndar
             y = solved(study.problem, p[0], s[0], y0)
         except AssumptionError:
             continue
-        found[:, labels.index(name)] = (y - y0) / step
-    return found
+        directions[:, labels.index(name)] = (y - y0) / step
+    return directions
 
 
 def _newton(

@@ -149,20 +149,20 @@ def _tangent(
     free = [k for k, j in enumerate(independent) if j < system.q.numel()]
     sides: list[Vector] = [[-J[i][independent[k]] for i in rows] for k in free]
     order = [Block((k,), (k,), 1.0, 1.0, 2) for k in range(len(rows))]
-    found = lu_solution([[J[i][j] for j in columns] for i in rows], sides, order)
-    for k, side in zip(free, found.x):
+    solution = lu_solution([[J[i][j] for j in columns] for i in rows], sides, order)
+    for k, side in zip(free, solution.x):
         for j, value in zip(columns, side):
             T[j, k] = value
     chosen = (
-        ca.Function("pivots", [system.t, system.q, system.own_p], [ca.vertcat(*found.pivots)])(
+        ca.Function("pivots", [system.t, system.q, system.own_p], [ca.vertcat(*solution.pivots)])(
             0.0, q, p
         )
         .full()
         .ravel()
     )
-    varying = [k for k, pivot in enumerate(found.pivots) if not ca.SX(pivot).is_constant()]
+    varying = [k for k, pivot in enumerate(solution.pivots) if not ca.SX(pivot).is_constant()]
     return T, tuple(
-        _guard(x, columns[k], ca.SX(found.pivots[k]), MINIMAL_NEAR * abs(float(chosen[k])))
+        _guard(x, columns[k], ca.SX(solution.pivots[k]), MINIMAL_NEAR * abs(float(chosen[k])))
         for k in varying
     )
 
@@ -190,13 +190,13 @@ def linearization(equations: Equations) -> Function:
     are chosen at the initial configuration. A guard tells where their pivots come near zero: there
     other coordinates would have to be the dependent ones."""
     initial = initial_state(equations.system)
-    found = linear(equations, initial.q, np.array(equations.system.own_parameters))
-    value = ca.densify(ca.blockcat([[found.A, found.B], [found.C, found.D]]))
-    labels = (*(f"der({name})" for name in found.states), *found.outputs)
-    about = f"{ABOUT}; states {', '.join(found.states)}"
+    result = linear(equations, initial.q, np.array(equations.system.own_parameters))
+    value = ca.densify(ca.blockcat([[result.A, result.B], [result.C, result.D]]))
+    labels = (*(f"der({name})" for name in result.states), *result.outputs)
+    about = f"{ABOUT}; states {', '.join(result.states)}"
     guards = _dynamics(equations).guards
     return Function(
-        "linearization", about, Result("AB_CD", value, labels, ()), guards=(*guards, *found.guards)
+        "linearization", about, Result("AB_CD", value, labels, ()), guards=(*guards, *result.guards)
     )
 
 
@@ -222,11 +222,11 @@ def evaluator(equations: Equations, value: ca.SX) -> Evaluator:
         of a map side by side, which is why the axes are exchanged.
         """
         many = len(x)
-        found = (
+        values = (
             np.asarray(function(np.zeros((1, many)), x.T, u.T, p.T))
             if value.numel()
             else np.zeros((shape[0], 0))
         )
-        return found.reshape(shape[0], many, shape[1]).transpose(1, 0, 2)
+        return values.reshape(shape[0], many, shape[1]).transpose(1, 0, 2)
 
     return evaluated

@@ -29,13 +29,13 @@ def families(samples: np.ndarray, velocity: Sequence[bool]) -> tuple[Stage, ...]
     as of a position and its constant speed. `velocity` marks the states that are quasi-velocities:
     families of steady motions are told apart by those where possible.
     """
-    found: list[Stage] = []
+    stages: list[Stage] = []
     left, marks = samples, np.array(velocity, dtype=bool)
     while left.shape[1] and (count := _nullity(left)):
         stage = _stage(_null_spaces(left, count), marks)
-        found.append(stage)
+        stages.append(stage)
         left, marks = without(left, stage), np.delete(marks, stage)
-    return tuple(found)
+    return tuple(stages)
 
 
 def _nullity(A: np.ndarray) -> int:
@@ -54,12 +54,12 @@ def _stage(spaces: np.ndarray, velocity: np.ndarray) -> Stage:
     their mean projector."""
     weights = np.where(velocity, 1.0, AVOIDED)
     left = np.mean(spaces @ spaces.transpose(0, 2, 1), axis=0) * np.outer(weights, weights)
-    found: list[int] = []
+    members: list[int] = []
     for _ in range(spaces.shape[2]):
         j = int(np.argmax(np.diag(left)))
-        found.append(j)
+        members.append(j)
         left = left - np.outer(left[:, j], left[j]) / left[j, j]
-    return tuple(sorted(found))
+    return tuple(sorted(members))
 
 
 def without(A: np.ndarray, stage: Stage) -> np.ndarray:
@@ -81,8 +81,8 @@ def without(A: np.ndarray, stage: Stage) -> np.ndarray:
 
 def _complement(A: np.ndarray, count: int) -> np.ndarray:
     """The same in an orthonormal basis, where the coordinates do not tell the families apart."""
-    kept = np.linalg.svd(A)[2][:, : A.shape[1] - count, :]
-    return kept @ A @ kept.transpose(0, 2, 1)
+    basis = np.linalg.svd(A)[2][:, : A.shape[1] - count, :]
+    return basis @ A @ basis.transpose(0, 2, 1)
 
 
 def deflated(A: np.ndarray, stages: Sequence[Stage]) -> np.ndarray:
@@ -96,14 +96,14 @@ def deflated(A: np.ndarray, stages: Sequence[Stage]) -> np.ndarray:
 def eigenvalues(A: np.ndarray) -> NDArray[np.complex128]:
     """(N, k), each row by falling real part, of a pair the one with positive imaginary part
     first."""
-    found = np.asarray(np.linalg.eigvals(A), dtype=np.complex128)
+    values = np.asarray(np.linalg.eigvals(A), dtype=np.complex128)
     # rounded, so that a pair stays together though its real parts differ in the last digit
     order = (
-        np.lexsort((-found.imag, -found.real.round(12)), axis=1)
-        if found.shape[1]
-        else np.zeros(found.shape, dtype=int)
+        np.lexsort((-values.imag, -values.real.round(12)), axis=1)
+        if values.shape[1]
+        else np.zeros(values.shape, dtype=int)
     )
-    return np.take_along_axis(found, order, axis=1)
+    return np.take_along_axis(values, order, axis=1)
 
 
 def signature(values: NDArray[np.complex128]) -> tuple[int, int, int]:

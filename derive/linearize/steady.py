@@ -161,14 +161,14 @@ def _quantities(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
     over (x, u, p), with units."""
     system, model = equations.system, equations.system.model
     results = {f.name: f.result.value for f in equations.functions}
-    found = {c.name: (system.q[i], c.unit) for i, c in enumerate(model.coordinates)}
-    found |= {
+    quantities = {c.name: (system.q[i], c.unit) for i, c in enumerate(model.coordinates)}
+    quantities |= {
         f"der({c.name})": (results["dynamics"][i], f"{c.unit or 1}/s")
         for i, c in enumerate(model.coordinates)
     }
-    found |= {v.name: (results["velocity"][i], v.unit) for i, v in enumerate(model.velocities)}
-    found |= {x.name: (system.z[k], x.unit) for k, x in enumerate(model.states)}
-    return found | {i.name: (system.u[k], i.unit) for k, i in enumerate(model.inputs)}
+    quantities |= {v.name: (results["velocity"][i], v.unit) for i, v in enumerate(model.velocities)}
+    quantities |= {x.name: (system.z[k], x.unit) for k, x in enumerate(model.states)}
+    return quantities | {i.name: (system.u[k], i.unit) for k, i in enumerate(model.inputs)}
 
 
 def _declared(equations: Equations, motion: SteadyMotion) -> dict[str, tuple[ca.SX, str]]:

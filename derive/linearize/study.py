@@ -117,25 +117,25 @@ def study(
     wanted = cyclic if cyclic is not None else motion.cyclic
     ignorable = cyclic_coordinates(equations)
     left_out = ignorable if wanted is None else confirmed(equations, tuple(wanted))
-    found = problem(equations, motion, ignorable)
+    result = problem(equations, motion, ignorable)
     p = np.array([given[name] for name in equations.arguments[3].labels])
     s = np.array([given[name] for name in motion.sweepable])
-    y = settled(found, p, s)
+    y = settled(result, p, s)
     form = linear(equations, y[: equations.system.q.numel()], p)
     places = tuple(k for k, j in enumerate(form.independent) if j in left_out)
-    kept = tuple(k for k in range(len(form.states)) if k not in places)
-    at = list(kept)
+    remaining = tuple(k for k in range(len(form.states)) if k not in places)
+    at = list(remaining)
     first = Study(
         form,
-        found,
+        result,
         given,
         places,
-        kept,
+        remaining,
         (),
         evaluator(equations, form.A),
         evaluator(equations, form.A[at, at]),
     )
-    velocity = [form.independent[k] >= equations.system.q.numel() for k in kept]
+    velocity = [form.independent[k] >= equations.system.q.numel() for k in remaining]
     return replace(first, families=families(_samples(first), velocity))
 
 
@@ -145,27 +145,27 @@ def _settings(
     """Parameters and free names; a free name that is not given has the middle of its range in the
     file."""
     model = equations.system.model
-    found: dict[str, float] = dict(zip(equations.arguments[3].labels, equations.parameters))
-    found |= {
+    result: dict[str, float] = dict(zip(equations.arguments[3].labels, equations.parameters))
+    result |= {
         name: (first + last) / 2
         for name, first, last, _ in motion.ranges
         if name in motion.sweepable
     }
     for name, value in values.items():
-        if name not in found and name not in motion.sweepable:
-            known = (*motion.sweepable, *found)
+        if name not in result and name not in motion.sweepable:
+            known = (*motion.sweepable, *result)
             near = did_you_mean(name, known) or f"known: {listed(known)}"
             raise AssumptionError(
                 f"'{name}' is neither a parameter of {model.name} nor free in '{motion.name}'", near
             )
-        found[name] = float(value)
-    missing = [name for name in motion.sweepable if name not in found]
+        result[name] = float(value)
+    missing = [name for name in motion.sweepable if name not in result]
     if missing:
         raise AssumptionError(
             f"the steady motion '{motion.name}' needs a value for '{missing[0]}'",
             f"--set {missing[0]}=…, or --sweep {missing[0]}=first:last:count",
         )
-    return found
+    return result
 
 
 def _samples(study: Study) -> np.ndarray:

@@ -137,10 +137,10 @@ def _ignorable(A: np.ndarray, cyclic: dict[int, np.ndarray]) -> set[int]:
 def _velocities(system: System) -> list[tuple[ca.SX, tuple[str, ...]]]:
     """s = L v: the generalized velocities, and the rates where they are as many."""
     model = system.model
-    found = [(ca.SX.eye(system.v.numel()), tuple(v.name for v in model.velocities))]
+    bases = [(ca.SX.eye(system.v.numel()), tuple(v.name for v in model.velocities))]
     if system.q.numel() == system.v.numel():
-        found.append((system.N, tuple(f"der({c.name})" for c in model.coordinates)))
-    return found
+        bases.append((system.N, tuple(f"der({c.name})" for c in model.coordinates)))
+    return bases
 
 
 def _at(form: Linear, value: ca.SX) -> ca.SX:

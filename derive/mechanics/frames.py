@@ -44,10 +44,10 @@ def closure_frames(scene: Scene, closure: Closure) -> Frames:
     closed.
     """
     turned = triad(scene.symbols.vector(closure.axis), scene.model.plane)
-    found = [
+    frames = [
         joint_frame(scene, body, at, turned) for body, at in zip(closure.bodies, closure.placements)
     ]
-    return Frames((found[0][0], found[1][0]), (found[0][1], found[1][1]))
+    return Frames((frames[0][0], frames[1][0]), (frames[0][1], frames[1][1]))
 
 
 def triad(axis: Vector, plane: str) -> Rotation:

@@ -159,12 +159,12 @@ def sweeps(joints: Sequence[Joint], gravity: Vector) -> tuple[tuple[Sweep, ...],
     for joint, row in zip(joints, rows):
         turned = (joint.sine, joint.cosine) if joint.slides else (symbols[SINE], symbols[COSINE])
         row.values |= dict(zip((SINE, COSINE), turned))
-    made = (
+    visits = (
         _rising("velocities, from base to tip", joints, rows, _velocities, list(ZERO)),
         _falling("articulated inertias, from tip to base", joints, rows, _elimination, 27),
         _rising("accelerations, from base to tip", joints, rows, _accelerations, falls),
     )
-    return made, symbols
+    return visits, symbols
 
 
 def _rising(
@@ -199,7 +199,7 @@ def _settled(
             break
         alive |= more
     order = sorted(alive)
-    kept = [row.keep(visit.kept) for row, visit in zip(rows, visits)]
+    stores = [row.keep(visit.kept) for row, visit in zip(rows, visits)]
     return Sweep(
         title,
         rising,
@@ -207,7 +207,7 @@ def _settled(
         [start[k] for k in order],
         tuple(
             replace(visit, kept=stored, handed=[visit.handed[k] for k in order])
-            for visit, stored in zip(visits, kept)
+            for visit, stored in zip(visits, stores)
         ),
     )
 
@@ -282,8 +282,8 @@ def _velocities(joint: Joint, row: Rows, received: Vector) -> Visit:
     if not joint.slides:
         omega = [*omega[:2], plus(omega[2], joint.v)]
     bias = cross(received, cross(received, _arm(joint, row)))
-    kept = {OMEGA + k: x for k, x in enumerate(omega)} | {BIAS + k: x for k, x in enumerate(bias)}
-    return Visit(kept, omega)
+    values = {OMEGA + k: x for k, x in enumerate(omega)} | {BIAS + k: x for k, x in enumerate(bias)}
+    return Visit(values, omega)
 
 
 def _products(joint: Joint, row: Rows) -> tuple[Vector, Vector]:
@@ -312,8 +312,8 @@ def _elimination(joint: Joint, row: Rows, received: Vector) -> Visit:
         wrench[along] = joint.tau
     c = _products(joint, row)
     wrench = sum_of(wrench, _applied(left, *c))
-    kept = {PSI + k: x for k, x in enumerate(share)} | {PHI: pushed}
-    return Visit(kept, _handed_down(joint, row, left, wrench))
+    values = {PSI + k: x for k, x in enumerate(share)} | {PHI: pushed}
+    return Visit(values, _handed_down(joint, row, left, wrench))
 
 
 def _articulated(joint: Joint, row: Rows, received: Vector) -> tuple[Articulated, Vector, Vector]:

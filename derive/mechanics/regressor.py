@@ -101,11 +101,11 @@ def _is_massless(x: Inertia) -> bool:
 def parameters(system: System) -> tuple[Parameter, ...]:
     """The entries of π in order: of each group its ten (in a plane the four it feels), then the
     coefficients of dampers, friction and rotors in the order of the file."""
-    kept = PLANAR.get(system.model.plane, range(10))
+    places = PLANAR.get(system.model.plane, range(10))
     inertial = [
         Parameter(f"{INERTIAL[k]}_{group.body}", UNITS[k], group.body, INERTIAL[k])
         for group in groups(system)
-        for k in kept
+        for k in places
     ]
     return (*inertial, *(x for load in system.model.loads for x in _coefficients(system, load)))
 
@@ -126,11 +126,11 @@ def _unit(system: System, load: Load, key: str) -> str:
 
 def parameter_values(system: System) -> ca.SX:
     """π as the model file has it (np × 1), over p."""
-    kept = PLANAR.get(system.model.plane, range(10))
+    places = PLANAR.get(system.model.plane, range(10))
     values: list[Scalar] = []
     for group in groups(system):
         ten = ten_of(_in_body(system.links[group.place.link].inertia, group.place))
-        values += [ten[k] for k in kept]
+        values += [ten[k] for k in places]
     for load in system.model.loads:
         values += [_value(system, load, key) for key in _keys(system, load)]
     return ca.vertcat(*values) if values else ca.SX(0, 1)
@@ -175,14 +175,14 @@ def inertia_of(ten: Vector) -> Inertia:
 
 def regressor(system: System, vdot: ca.SX) -> ca.SX:
     """Y (nv × np, sparse) at v̇."""
-    kept = PLANAR.get(system.model.plane, range(10))
+    places = PLANAR.get(system.model.plane, range(10))
     v = [system.v[j] for j in range(system.v.numel())]
     rates = [vdot[j] for j in range(vdot.numel())]
     motions = accelerations(system.links, v, rates, system.gravity)
     columns: list[ca.SX] = []
     for group in groups(system):
         felt = _felt(system, group, motions[group.place.link])
-        columns += [_column(len(v), {j: row[k] for j, row in felt.items()}) for k in kept]
+        columns += [_column(len(v), {j: row[k] for j, row in felt.items()}) for k in places]
     columns += [c for load in system.model.loads for c in _of_load(system, load, vdot)]
     return ca.horzcat(*columns) if columns else ca.SX(len(v), 0)
 

@@ -44,8 +44,8 @@ def regrouping(system: System) -> Regrouping:
     own = {g.place.link: _of_link(g, named) for g in groups(system)}
     links = tuple(replace(link, inertia=own.get(i, NOTHING)) for i, link in enumerate(system.links))
     together = regrouped(links)
-    kept = {x.kind for x in known}
-    places = [k for k, name in enumerate(INERTIAL) if name in kept]
+    kinds = {x.kind for x in known}
+    places = [k for k, name in enumerate(INERTIAL) if name in kinds]
     sums: list[Scalar] = []
     frames: list[Scalar] = []
     for group in groups(system):

@@ -408,15 +408,15 @@ def pivot_order(samples: np.ndarray, structure: np.ndarray, constant: np.ndarray
     chosen: list[Block] = []
     while rows:
         inside = np.ix_(rows, columns)
-        found = best_block(
+        block = best_block(
             values[np.ix_(range(len(values)), rows, columns)], pattern[inside], fixed[inside]
         )
-        if found is None:
+        if block is None:
             raise ZeroDivisionError("the matrix is singular at every sampled state")
         rest = values[np.ix_(range(len(values)), rows, columns)]
-        found = steady(rest, fixed[inside], found)
-        r, c = tuple(rows[i] for i in found.rows), tuple(columns[j] for j in found.columns)
-        chosen.append(Block(r, c, found.least, found.largest, found.grade))
+        block = steady(rest, fixed[inside], block)
+        r, c = tuple(rows[i] for i in block.rows), tuple(columns[j] for j in block.columns)
+        chosen.append(Block(r, c, block.least, block.largest, block.grade))
         rows, columns = [i for i in rows if i not in r], [j for j in columns if j not in c]
         _eliminate(values, pattern, fixed, rows, columns, chosen[-1])
     return chosen

@@ -9,11 +9,11 @@ from derive.mechanics.scene import Scene
 
 def rates_of_states(scene: Scene) -> ca.SX:
     """ż, nz × 1, in the units of the states per second."""
-    found = [scene.over_v(ca.SX(scene.symbols.scalar(x.rate))) for x in scene.model.states]
-    return ca.vertcat(*found) if found else ca.SX(0, 1)
+    rates = [scene.over_v(ca.SX(scene.symbols.scalar(x.rate))) for x in scene.model.states]
+    return ca.vertcat(*rates) if rates else ca.SX(0, 1)
 
 
 def energy_of_states(scene: Scene) -> ca.SX:
     """The energy (J) that the states store, of those of which the file says it."""
-    found = [ca.SX(scene.symbols.scalar(x.energy)) for x in scene.model.states if x.energy]
-    return sum(found, ca.SX(0))
+    energies = [ca.SX(scene.symbols.scalar(x.energy)) for x in scene.model.states if x.energy]
+    return sum(energies, ca.SX(0))

@@ -32,8 +32,8 @@ def _check_slope(scene: Scene, f: ca.SX, point: ca.SX, span: Span) -> None:
     at = ca.Function("surface", arguments, [f, ca.gradient(f, point)])
     rng = np.random.default_rng(0)
     ratios = [_slope_left(at, scene, rng.normal(size=3)) for _ in range(FEET)]
-    found = [ratio for ratio in ratios if ratio is not None]
-    if found and max(found) < FLAT_SURFACE:
+    slopes = [ratio for ratio in ratios if ratio is not None]
+    if slopes and max(slopes) < FLAT_SURFACE:
         raise AssumptionError(
             scene.model.diagnostic(
                 span,

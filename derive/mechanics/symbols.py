@@ -40,8 +40,8 @@ class Symbols:
 
     def reactions(self, rows: Iterable[str]) -> ca.SX:
         """The symbols that stand for the multipliers of rows."""
-        found = [ca.SX(self.names[f"reaction.{row}"]) for row in rows]
-        return ca.vertcat(*found) if found else ca.SX(0, 1)
+        result = [ca.SX(self.names[f"reaction.{row}"]) for row in rows]
+        return ca.vertcat(*result) if result else ca.SX(0, 1)
 
     def vector(self, entries: tuple[Expression, ...]) -> Vector:
         """Components of a point or direction as scalars of the graph; numbers stay floats."""

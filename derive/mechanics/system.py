@@ -66,12 +66,12 @@ def ideal_system(model: Model, constants: Collection[str] | str = ()) -> tuple[S
     qdot = _qdot(model, s)
     scene = with_measures(Scene(model, s, qdot, links, places))
     s = scene.symbols
-    found = blocks(scene)
+    parts = blocks(scene)
     loads, reacting = applied(scene)
     extra = _with_rotors(lagrangian(model, s, qdot), armatures(scene), s)
     g: Vector = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
-    nonideal = _nonideal(scene, found) + reacting
-    return _assembled(scene, baked, found, (loads, nonideal), extra, g)
+    nonideal = _nonideal(scene, parts) + reacting
+    return _assembled(scene, baked, parts, (loads, nonideal), extra, g)
 
 
 def _inertias(links: Sequence[Link]) -> tuple[tuple[Inertia, ...], ...]:

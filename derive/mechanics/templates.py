@@ -62,12 +62,12 @@ def _operation(read: Instruction, operands: list[Formula]) -> Formula:
 
 def _applied(code: int, operands: Sequence[Scalar]) -> Scalar:
     """A float where all operands are floats."""
-    made = (
+    results = (
         ca.SX.unary(code, operands[0])
         if len(operands) == 1
         else ca.SX.binary(code, operands[0], operands[1])
     )
-    return float(made) if all(isinstance(x, float) for x in operands) else ca.SX(made)
+    return float(results) if all(isinstance(x, float) for x in operands) else ca.SX(results)
 
 
 def check_own(formula: Formula, coordinate: int, velocity: int, joint: str) -> None:

@@ -78,16 +78,16 @@ def _names_a_place(entry: InputEntry) -> bool:
 
 def _dimension(reader: Reader, formula: Expression, scalar: Scalar) -> Dimension:
     try:
-        found = infer(formula, reader.scope.dimensions, scalar.text)
+        dimension = infer(formula, reader.scope.dimensions, scalar.text)
     except FormulaError:
         return NUMBER  # reported by `formula`
-    return found if isinstance(found, tuple) else NUMBER
+    return dimension if isinstance(dimension, tuple) else NUMBER
 
 
 def rotors(reader: Reader, document: Document, names: Names) -> list[Armature]:
     """Inertias of the actuators' rotors as the joints feel them: rotor inertia times gear
     squared."""
-    found: list[Armature] = []
+    armatures: list[Armature] = []
     units = {velocity.name: velocity.unit for velocity in names.velocities}
     for entry, given in zip(document.inputs.values(), names.inputs):
         if entry.rotor_inertia is None or not given.velocity:
@@ -104,8 +104,8 @@ def rotors(reader: Reader, document: Document, names: Names) -> list[Armature]:
                 "zero or more",
             )
         felt = algebra.times(rotor, given.gear, given.gear)
-        found.append(Armature(f"{given.name}_rotor", given.velocity, felt, given.span))
-    return found
+        armatures.append(Armature(f"{given.name}_rotor", given.velocity, felt, given.span))
+    return armatures
 
 
 @cache

@@ -104,8 +104,8 @@ def pitch(reader: Reader, key: Key, entry: JointEntry | ClosureEntry, kind: str)
             key.span, f"the screw '{key}' has no pitch", "pitch: the advance per turn, such as 5 mm"
         )
         return ZERO
-    found = _per_turn(reader, entry.pitch)
-    if reader.value(found, entry.pitch) == 0.0:
+    lead = _per_turn(reader, entry.pitch)
+    if reader.value(lead, entry.pitch) == 0.0:
         wanted = "metres per turn, positive or negative"
         reader.report(
             entry.pitch.span,
@@ -113,7 +113,7 @@ def pitch(reader: Reader, key: Key, entry: JointEntry | ClosureEntry, kind: str)
             wanted,
             "without pitch it is a revolute joint",
         )
-    return found
+    return lead
 
 
 def _per_turn(reader: Reader, scalar: Scalar) -> Expression:
@@ -122,9 +122,9 @@ def _per_turn(reader: Reader, scalar: Scalar) -> Expression:
     plain = quantity(scalar.text)
     if plain is not None and plain.unit == "m/rad":
         return Number(plain.value * _TURN, "m")
-    found = reader.formula(scalar, "a pitch", unit="m")
-    for node in tree.walk(found):
+    formula = reader.formula(scalar, "a pitch", unit="m")
+    for node in tree.walk(formula):
         unit = reader.units.get(node.name, "") if isinstance(node, tree.Name) else ""
         if "rad" in unit:
             reader.report(scalar.span, f"a pitch in {unit}", "metres per turn, such as 5 mm")
-    return found
+    return formula

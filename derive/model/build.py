@@ -62,8 +62,8 @@ def built(document: Document, source: Source) -> Model:
 
 
 def _check_head(reader: Reader, document: Document) -> None:
-    if found := module_objection(document.model.text):
-        reader.report(document.model.span, *found)
+    if problem := module_objection(document.model.text):
+        reader.report(document.model.span, *problem)
     if len(document.bodies) > MOST_BODIES:
         name = next(key for i, key in enumerate(document.bodies) if i == MOST_BODIES)
         reader.report(
@@ -89,16 +89,16 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
         GROUND,
         *dict.fromkeys(map(str, (*document.bodies, *document.frames, *document.joints))),
     )
-    found = [
+    names = [
         frame
         for key, entry in document.joints.items()
         if (frame := frames.frame(reader, key, entry))
     ]
     coordinates, velocities = frames.analytic_coordinates(reader, document)
-    if len(found) == len(document.joints):
-        found = mechanism.ordered(reader, document, found)
-    coordinates = tuple(c for frame in found for c in frame.coordinates) + coordinates
-    velocities = tuple(v for frame in found for v in frame.velocities) + velocities
+    if len(names) == len(document.joints):
+        names = mechanism.ordered(reader, document, names)
+    coordinates = tuple(c for frame in names for c in frame.coordinates) + coordinates
+    velocities = tuple(v for frame in names for v in frame.velocities) + velocities
     if not coordinates and not reader.problems:
         reader.report(
             document.model.span,
@@ -111,7 +111,7 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
     named_frames.check_names(reader, document)
     check_collisions(reader, document, Names(parameters, coordinates, velocities, inputs, ()))
     reader.finish()
-    return found, Names(
+    return names, Names(
         parameters,
         coordinates,
         velocities,
@@ -216,13 +216,13 @@ def _loads(
     reader: Reader, document: Document, joints: list[Frame], names: Names
 ) -> tuple[Load, ...]:
     """Those of the joints first, then `loads:`, `forces:` and what the actuators bring along."""
-    found: list[Load | None] = [load for frame in joints for load in in_joint(reader, names, frame)]
-    found += [_load(reader, document, names, key, entry) for key, entry in document.loads.items()]
-    found += [
+    loads: list[Load | None] = [load for frame in joints for load in in_joint(reader, names, frame)]
+    loads += [_load(reader, document, names, key, entry) for key, entry in document.loads.items()]
+    loads += [
         generalised_force(reader, names, key, scalar) for key, scalar in document.forces.items()
     ]
-    found += actuators.rotors(reader, document, names)
-    return tuple(entry for entry in found if entry is not None)
+    loads += actuators.rotors(reader, document, names)
+    return tuple(entry for entry in loads if entry is not None)
 
 
 def uses_measure(formula: Expression, reader: Reader) -> str:

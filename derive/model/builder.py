@@ -37,9 +37,9 @@ class Model:
     @classmethod
     def from_dict(cls, entries: Mapping[str, Any], *, folder: str | Path | None = None) -> Model:
         """The model that a dictionary says, with the keys of a model file."""
-        made = cls(str(entries.get("model", "")), folder=folder)
-        made._entries = {str(key): value for key, value in entries.items()}
-        return made
+        model = cls(str(entries.get("model", "")), folder=folder)
+        model._entries = {str(key): value for key, value in entries.items()}
+        return model
 
     def add(self, section: str, name: str, entry: Any = None, **keys: Any) -> Model:
         """Put an entry under a name into a section such as "bodies", as a whole or by its keys.

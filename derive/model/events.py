@@ -24,9 +24,9 @@ def events(reader: Reader, document: Document, outputs: tuple[Output, ...]) -> t
         reader.report(key.span, f"more than {MOST} events", f"{MOST} at most")
     outer = reader.scope
     reader.scope = _with_outputs(reader, outputs)
-    found = tuple(_event(reader, key, entry) for key, entry in entries)
+    result = tuple(_event(reader, key, entry) for key, entry in entries)
     reader.scope = outer
-    return found
+    return result
 
 
 def _event(reader: Reader, key: Key, entry: Scalar | EventEntry) -> Event:

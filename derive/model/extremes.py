@@ -80,10 +80,10 @@ def _text(scalar: Scalar | None) -> str:
 def _positive(reader: Reader, scalar: Scalar | None, where: str, unit: str) -> float | None:
     if scalar is None:
         return None
-    found = reader.value(reader.of_parameters(scalar, where, unit=unit), scalar)
-    if found is not None and not found > 0:
-        reader.report(scalar.span, f"{where} is {found:g}", "a number above zero")
-    return found
+    number = reader.value(reader.of_parameters(scalar, where, unit=unit), scalar)
+    if number is not None and not number > 0:
+        reader.report(scalar.span, f"{where} is {number:g}", "a number above zero")
+    return number
 
 
 def _end(reader: Reader, key: Key, scalar: Scalar) -> tuple[str, Expression] | None:

@@ -195,12 +195,12 @@ def _named(
 def _velocities(
     key: Key, table: JointType, coordinates: tuple[Coordinate, ...]
 ) -> tuple[Velocity, ...]:
-    found: list[Velocity] = []
+    velocities: list[Velocity] = []
     for index, slot in enumerate(table.velocities):
         rate_of = "" if slot.suffix else coordinates[index].name
         name = f"der({rate_of})" if rate_of else f"{key}.{slot.suffix}"
-        found.append(Velocity(name, slot.unit, str(key), rate_of, key.span))
-    return tuple(found)
+        velocities.append(Velocity(name, slot.unit, str(key), rate_of, key.span))
+    return tuple(velocities)
 
 
 def analytic_coordinates(

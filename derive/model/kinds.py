@@ -8,15 +8,15 @@ from derive.model.shape import about, kinds
 
 def _lines() -> tuple[tuple[str, str, str], ...]:
     """(category, name, about) in the order of the schema."""
-    found = [("joint", joint.name, joint.about) for joint in JOINTS]
-    found += [
+    lines = [("joint", joint.name, joint.about) for joint in JOINTS]
+    lines += [
         ("closure", joint.name, f"closes a loop: {joint.about}")
         for joint in JOINTS
         if joint.name in CLOSURES
     ]
     for section, category in (("constraints", "constraint"), ("loads", "load")):
-        found += [(category, name, about(entry)) for name, entry in kinds(section)]
-    return tuple(found)
+        lines += [(category, name, about(entry)) for name, entry in kinds(section)]
+    return tuple(lines)
 
 
 KINDS = _lines()  # (category, name, about) of every joint, closure, constraint and load

@@ -163,19 +163,19 @@ class Rewriting:
         return tuple(self.scalar(entry) for entry in entries)
 
     def _sum(self, terms: Parts, at: int) -> Rewritten:
-        found = [self.rewritten(term) for term in terms]
-        vectors = [x for x in found if isinstance(x, tuple)]
+        result = [self.rewritten(term) for term in terms]
+        vectors = [x for x in result if isinstance(x, tuple)]
         if not vectors:
-            return tree.Sum(tuple(x for x in found if not isinstance(x, tuple)), at)
-        for term, x in zip(terms, found):
+            return tree.Sum(tuple(x for x in result if not isinstance(x, tuple)), at)
+        for term, x in zip(terms, result):
             if not isinstance(x, tuple):
                 raise self._fault("cannot add a number to a vector", term, "a vector")
         return tuple(plus(*parts) for parts in zip(*vectors))
 
     def _product(self, factors: Parts, at: int) -> Rewritten:
-        found = [self.rewritten(factor) for factor in factors]
-        vectors = [x for x in found if isinstance(x, tuple)]
-        numbers = [x for x in found if not isinstance(x, tuple)]
+        result = [self.rewritten(factor) for factor in factors]
+        vectors = [x for x in result if isinstance(x, tuple)]
+        numbers = [x for x in result if not isinstance(x, tuple)]
         if not vectors:
             return tree.Product(tuple(numbers), at)
         if len(vectors) > 1:
@@ -254,12 +254,12 @@ class Rewriting:
         )
 
     def _rate_of(self, expression: Expression, at: int) -> Expression:
-        found = rate(expression, self._leaf_rate, self.text)
-        if found == ZERO:
+        derivative = rate(expression, self._leaf_rate, self.text)
+        if derivative == ZERO:
             raise FormulaError(
                 "der() of what does not change", self.text, at, "a formula of coordinates or t"
             )
-        return found
+        return derivative
 
     def _leaf_rate(self, node: Name | tree.Rate) -> Expression:
         if isinstance(node, tree.Rate):

@@ -53,15 +53,15 @@ def _report(reader: Reader, model: Model, joint: Joint) -> None:
 def _bodies_with_equations(reader: Reader, model: Model) -> set[str]:
     """Bodies with mass, those that constraints speak of, and those whose joints have an inertia or
     a constraint of their own."""
-    found = {body.name for body in model.bodies if not _is_massless(reader, body)}
+    result = {body.name for body in model.bodies if not _is_massless(reader, body)}
     for tie in (*model.closures, *model.constraints):
-        found |= set(_bodies(tie))
+        result |= set(_bodies(tie))
     names = set(_names(model, _formulas(model)))
     names |= {load.velocity for load in model.loads if isinstance(load, Armature)}
     own = {x.name: x.owner for x in (*model.coordinates, *model.velocities)}
     own |= {f"der({x.name})": x.owner for x in model.coordinates}
     owners = {own[name] for name in names if name in own}
-    return found | {joint.child for joint in model.joints if joint.name in owners}
+    return result | {joint.child for joint in model.joints if joint.name in owners}
 
 
 def _is_massless(reader: Reader, body: Body) -> bool:

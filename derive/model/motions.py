@@ -32,8 +32,8 @@ Rows = list[tuple[str, Expression, Span]]
 def choices(reader: Reader, document: Document) -> tuple[Choice, ...]:
     """The declared choices of quasi-velocities; `auto` where there are none. Rows that are not
     linear and homogeneous in the velocities, or the same as another, are reported."""
-    found = tuple(_choice(reader, key, entry) for key, entry in document.quasi_velocities.items())
-    return found or (AUTO,)
+    result = tuple(_choice(reader, key, entry) for key, entry in document.quasi_velocities.items())
+    return result or (AUTO,)
 
 
 def _choice(reader: Reader, key: Key, entry: Scalar | Items | dict[Key, Scalar]) -> Choice:
@@ -134,19 +134,19 @@ def _row(reader: Reader, scalar: Scalar) -> Expression:
 def initial(reader: Reader, document: Document, joints: list[Frame]) -> tuple[InitialValue, ...]:
     """Values at t = 0, held or, under `guess`, only a start: held ones are kept where the
     constraints let them, guesses move."""
-    found: dict[str, InitialValue] = {}
+    values: dict[str, InitialValue] = {}
     for key, entry in document.initial.items():
         if isinstance(entry, Scalar):
-            _initial(reader, key, entry, True, found)
+            _initial(reader, key, entry, True, values)
         elif key != "guess":
             reader.report(
                 key.span, f"a mapping under '{key}'", "a number, or a mapping under `guess`"
             )
         else:
             for inner, scalar in entry.items():
-                _initial(reader, inner, scalar, False, found)
-    quaternions.normalise(reader, joints, found)
-    return tuple(found.values())
+                _initial(reader, inner, scalar, False, values)
+    quaternions.normalise(reader, joints, values)
+    return tuple(values.values())
 
 
 def _initial(

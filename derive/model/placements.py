@@ -67,8 +67,8 @@ def rotation(reader: Reader, entry: TurnedEntry) -> Rotation | None:
         )
         reader.report(getattr(entry, name).span, f"'{name}' in {where}", wanted)
     else:
-        found = _READERS[name](reader, getattr(entry, name))
-        return None if found == algebra.IDENTITY else found
+        result = _READERS[name](reader, getattr(entry, name))
+        return None if result == algebra.IDENTITY else result
     return None
 
 

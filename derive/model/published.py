@@ -46,8 +46,8 @@ def published(
         )
     values = [_value(reader, outputs, name, scalar) for name, scalar in entry.values.items()]
     rates = [_acceleration(reader, name, scalar) for name, scalar in entry.accelerations.items()]
-    found = tuple(pair for pair in (*values, *rates) if pair is not None)
-    return Published(str(key), entry.source.text, time or 0.0, tolerance or 0.0, found, key.span)
+    pairs = tuple(pair for pair in (*values, *rates) if pair is not None)
+    return Published(str(key), entry.source.text, time or 0.0, tolerance or 0.0, pairs, key.span)
 
 
 def _number(reader: Reader, scalar: Scalar, where: str, unit: str) -> float | None:

@@ -109,8 +109,8 @@ class Reader:
     def name(self, key: Key | Scalar) -> str:
         """A name that the model introduces; reported where it cannot be one."""
         text = key.text if isinstance(key, Scalar) else str(key)
-        if found := objection(text):
-            self.report(key.span, *found)
+        if problem := objection(text):
+            self.report(key.span, *problem)
         return text
 
     def unit(self, scalar: Scalar) -> str:
@@ -237,18 +237,18 @@ class Reader:
         self, resolved: Expression, where: str, wanted: str | None, text: str, at: int | None = None
     ) -> Inferred:
         """FormulaError where a resolved formula does not have the wanted unit, or mixes units."""
-        found = infer(resolved, self.scope.dimensions, text)
-        if wanted is not None and not _fits(found, dimension_of(wanted)):
-            assert isinstance(found, tuple)  # whatever else fits
-            missing = quotient_of(dimension_of(wanted), found)
+        dimension = infer(resolved, self.scope.dimensions, text)
+        if wanted is not None and not _fits(dimension, dimension_of(wanted)):
+            assert isinstance(dimension, tuple)  # whatever else fits
+            missing = quotient_of(dimension_of(wanted), dimension)
             raise FormulaError(
-                f"{where} in {named(found)}",
+                f"{where} in {named(dimension)}",
                 text,
                 _first_place(text) if at is None else at,
                 _unit_of_formula(wanted),
-                _advice(resolved, missing, text) if found == NUMBER else "",
+                _advice(resolved, missing, text) if dimension == NUMBER else "",
             )
-        return found
+        return dimension
 
     def refuse_tables(self, formula: Expression, scalar: Scalar, where: str) -> None:
         """Note a table where none can stand."""
@@ -339,10 +339,10 @@ class Reader:
 
     def _normalised(self, given: Vector3, span: Span, where: str) -> Vector3:
         a, b, c = (number(component, {}) for component in given)
-        found = normalised((a, b, c))
-        if found is None:
+        direction = normalised((a, b, c))
+        if direction is None:
             self.report(span, f"{where} of length zero", "a direction")
-        return found or self.space.normal
+        return direction or self.space.normal
 
 
 def _tabulated(formula: Expression) -> bool:

@@ -76,12 +76,12 @@ def with_parameters(node: Entries, key: Key, entry: SubmodelEntry) -> Entries:
     """The part with the values that the whole gives to its parameters, where they are numbers."""
     section = _entries(node, "parameters")
     numbers = {name: value for name, value in entry.parameters.items() if _is_number(value.text)}
-    kept = {
+    remaining = {
         section.key(name): entry.parameters[section.key(name)] if name in numbers else value
         for name, value in section.items()
         if name in numbers or name not in entry.parameters
     }
-    return Entries({**node, **_section("parameters", kept, node)}, node.span)
+    return Entries({**node, **_section("parameters", remaining, node)}, node.span)
 
 
 def _section(name: str, entries: Mapping[Key, Node], node: Entries) -> dict[Key, Node]:
@@ -216,8 +216,8 @@ class _Renaming:
 
     def part(self, node: Entries) -> Entries:
         """All sections that a part brings along."""
-        found = {key: self._section(key, given) for key, given in node.items()}
-        return Entries({k: v for k, v in found.items() if k not in OF_THE_WHOLE}, node.span)
+        sections = {key: self._section(key, given) for key, given in node.items()}
+        return Entries({k: v for k, v in sections.items() if k not in OF_THE_WHOLE}, node.span)
 
     def _section(self, key: str, given: Node) -> Node:
         if not isinstance(given, Entries) or key in OF_THE_WHOLE:
@@ -270,7 +270,7 @@ def _places(text: str, known: frozenset[str]) -> tuple[tuple[int, str], ...]:
     if quantity(text) is not None:
         return ()
     formula = expression(text, names=known, functions=with_called(text, _CALLS), vectors=True)
-    found: dict[int, str] = {}
+    names: dict[int, str] = {}
     letters = {
         node.arguments[1].at
         for node in tree.walk(formula)
@@ -280,14 +280,14 @@ def _places(text: str, known: frozenset[str]) -> tuple[tuple[int, str], ...]:
         if isinstance(node, tree.Name) and node.at in letters and node.name in tuple("xyz"):
             continue
         if isinstance(node, tree.Rate):
-            found[text.index(node.name, node.at + 3)] = node.name
+            names[text.index(node.name, node.at + 3)] = node.name
         elif isinstance(node, tree.Call):
-            found[node.at] = node.function
+            names[node.at] = node.function
         elif isinstance(node, tree.Name):
             first, _, rest = node.name.partition(".")
             if first == "reaction" and rest:
-                found[node.at + len("reaction.")] = rest.split(".")[0]
+                names[node.at + len("reaction.")] = rest.split(".")[0]
             else:
-                found[node.at] = first
-    mine = ((at, name) for at, name in found.items() if name in known or name == GROUND)
+                names[node.at] = first
+    mine = ((at, name) for at, name in names.items() if name in known or name == GROUND)
     return tuple(sorted(mine, reverse=True))

@@ -67,8 +67,8 @@ def indices(given: Mapping[Key, Scalar | Items], source: Source) -> dict[str, In
 
 
 def _index(key: Key, given: Scalar | Items, source: Source) -> Index:
-    if found := objection(key):
-        source.refuse(key.span, *found)
+    if problem := objection(key):
+        source.refuse(key.span, *problem)
     if key in UNITS:
         source.refuse(key.span, f"the index '{key}' is a unit", "another name, such as i")
     values = _range(given, source) if isinstance(given, Scalar) else _list(given, source)
@@ -81,10 +81,10 @@ def _range(given: Scalar, source: Source) -> range:
     expected = "a range such as 1..40, or a list in [ ]"
     if _OPEN.match(given.text):
         source.refuse(given.span, f"the range '{given.text}' has no end", expected)
-    found = _RANGE.match(given.text)
-    if found is None:
+    match = _RANGE.match(given.text)
+    if match is None:
         source.refuse(given.span, f"'{given.text}' is no range of whole numbers", expected)
-    first, last = int(found[1]), int(found[2])
+    first, last = int(match[1]), int(match[2])
     if last < first:
         source.refuse(given.span, f"the range '{given.text}' holds nothing", f"{last}..{first}")
     return range(first, last + 1)
@@ -169,9 +169,9 @@ class Repetition:
         if count > MOST:
             self.source.refuse(span, f"'{text}' stands for {count} entries", f"at most {MOST}")
         for values in product(*(index.values for index in free)):
-            put = {index.name: value_ for index, value_ in zip(free, values)}
-            said = ", ".join(f"{name} = {value_}" for name, value_ in put.items())
-            yield {**bound, **put}, f"{where}, {said}" if where else said
+            bindings = {index.name: value_ for index, value_ in zip(free, values)}
+            said = ", ".join(f"{name} = {value_}" for name, value_ in bindings.items())
+            yield {**bound, **bindings}, f"{where}, {said}" if where else said
 
     def _free(self, text: str, span: Span, bound: Binding) -> list[Index]:
         if "{" not in text:

@@ -11,16 +11,16 @@ from derive.model.records import Closure, Model
 
 def row_names(model: Model) -> tuple[str, ...]:
     """Of all rows of A: closures first, then constraints, in the model's order."""
-    found: list[str] = []
+    names: list[str] = []
     for item in (*model.closures, *model.constraints):
         match item:
             case Closure():
-                found += named(item.name, closure_parts(item.type, model.plane))
+                names += named(item.name, closure_parts(item.type, model.plane))
             case Rolling():
-                found += named(item.name, rolling_parts(model.plane))
+                names += named(item.name, rolling_parts(model.plane))
             case _:
-                found.append(item.name)
-    return tuple(found)
+                names.append(item.name)
+    return tuple(names)
 
 
 def named(name: str, parts: tuple[str, ...]) -> list[str]:

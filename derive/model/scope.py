@@ -229,11 +229,11 @@ def _allowed_words(allowed: frozenset[str]) -> str:
 
 def used(expression: Expression, scope: Scope) -> dict[str, str]:
     """Kind → one name of that kind which the (resolved) formula uses, through definitions too."""
-    found: dict[str, str] = {}
+    uses: dict[str, str] = {}
     for node in tree.walk(expression):
         if isinstance(node, tree.Name | tree.Rate):
             name = f"der({node.name})" if isinstance(node, tree.Rate) else node.name
             symbol = scope.symbols.get(name)
             for kind in symbol.kinds if symbol else ():
-                found.setdefault(kind, dict(symbol.because).get(kind, name) if symbol else name)
-    return found
+                uses.setdefault(kind, dict(symbol.because).get(kind, name) if symbol else name)
+    return uses

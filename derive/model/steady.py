@@ -136,7 +136,7 @@ def _guesses(
     sweepable: tuple[str, ...],
     known: Speeds,
 ) -> tuple[tuple[str, Expression], ...]:
-    found: dict[str, Expression] = {}
+    guesses: dict[str, Expression] = {}
     for state, scalar in _entries(reader, part, "names and numbers to start from").items():
         if str(state) in sweepable:
             where = f"a range under sweep, or a value: hamel linearize --set {state}=…"
@@ -145,16 +145,16 @@ def _guesses(
         name = _name(reader, state, known)
         if name is None:
             continue
-        if name in held or name in found:
+        if name in held or name in guesses:
             how = "held and guessed" if name in held else "given twice"
             reader.report(state.span, f"'{state}' is {how}", "one of the two")
         elif not isinstance(scalar, Scalar):
             reader.report(state.span, f"a list for the guess of '{state}'", "a number")
         else:
-            found[name] = reader.of_parameters(
+            guesses[name] = reader.of_parameters(
                 scalar, f"the guess of {state}", unit=_unit(reader, name, known)
             )
-    return tuple(found.items())
+    return tuple(guesses.items())
 
 
 def _cyclic(reader: Reader, part: Part) -> tuple[str, ...] | None:
@@ -174,7 +174,7 @@ def _ranges(
     reader: Reader, part: Part, sweepable: tuple[str, ...]
 ) -> tuple[tuple[str, float, float, int], ...]:
     known = (*sweepable, *reader.scope.of_kind(PARAMETER))
-    found: list[tuple[str, float, float, int]] = []
+    ranges: list[tuple[str, float, float, int]] = []
     for name, items in _entries(reader, part, "ranges, such as speed: [0, 10]").items():
         if str(name) not in known:
             near = did_you_mean(str(name), known)
@@ -189,8 +189,8 @@ def _ranges(
                 name.span, f"the range of '{name}'", "[first, last] or [first, last, count]"
             )
         else:
-            found += _range(reader, str(name), items)
-    return tuple(found)
+            ranges += _range(reader, str(name), items)
+    return tuple(ranges)
 
 
 def _range(reader: Reader, name: str, items: Items) -> list[tuple[str, float, float, int]]:

@@ -30,44 +30,46 @@ def shaped(kind: type[Shape], node: Entries, source: Source) -> Shape:
         return kind.model_validate(node)
     except ValidationError as error:
         problems = [
-            found for details in error.errors() for found in _diagnostics(details, node, source)
+            diagnostic
+            for details in error.errors()
+            for diagnostic in _diagnostics(details, node, source)
         ]
         raise ModelError(distinct(problems)) from None
 
 
 def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagnostic]:
-    key, found = _walk(node, details["loc"])
-    span = found.span if not isinstance(found, Entries | Items) or key is None else key.span
+    key, place = _walk(node, details["loc"])
+    span = place.span if not isinstance(place, Entries | Items) or key is None else key.span
     kind, context = details["type"], details.get("ctx", {})
     if kind == "unknown_key":
-        yield from _unknown_keys(found, context, source)
+        yield from _unknown_keys(place, context, source)
     elif kind == "missing":
         missing = details["loc"][-1]
         yield source.diagnostic(span, f"{_owner(key)} has no '{missing}'", f"the key '{missing}'")
     elif kind == "literal_error":
         what = (
-            f"unknown {key} '{found.text}'" if isinstance(found, Scalar) else _instead(key, found)
+            f"unknown {key} '{place.text}'" if isinstance(place, Scalar) else _instead(key, place)
         )
-        yield source.diagnostic(found.span, what, context["expected"].replace("'", ""))
+        yield source.diagnostic(place.span, what, context["expected"].replace("'", ""))
     elif kind == "union_tag_invalid":
-        yield _wrong_type(found, context, span, source)
+        yield _wrong_type(place, context, span, source)
     elif kind == "union_tag_not_found":
-        yield _not_one_of(key, found, details, span, source)
+        yield _not_one_of(key, place, details, span, source)
     elif kind == "not_a_mapping":
-        unit = isinstance(found, Scalar) and details["loc"][0] == "inputs" and _is_unit(found.text)
-        text = found.text if isinstance(found, Scalar) else ""
+        unit = isinstance(place, Scalar) and details["loc"][0] == "inputs" and _is_unit(place.text)
+        text = place.text if isinstance(place, Scalar) else ""
         hint = f"its unit alone is {{unit: {text}}}" if unit else ""
         expected = f"a mapping with {listed(context['keys'])}"
-        yield source.diagnostic(found.span, _instead(key, found), expected, hint)
+        yield source.diagnostic(place.span, _instead(key, place), expected, hint)
     elif kind == "not_a_list" and isinstance(details["loc"][-1], int):
         yield source.diagnostic(
-            found.span,
-            f"{described(found)} in the list under '{key}'",
+            place.span,
+            f"{described(place)} in the list under '{key}'",
             "points in [ ], as in [[…], […]]",
         )
     else:
         yield source.diagnostic(
-            found.span, _instead(key, found), _EXPECTED.get(kind, str(details["msg"]))
+            place.span, _instead(key, place), _EXPECTED.get(kind, str(details["msg"]))
         )
 
 
@@ -92,13 +94,13 @@ def _is_unit(text: str) -> bool:
 def _walk(node: Node, loc: tuple[Any, ...]) -> tuple[Key | None, Any]:
     """The key nearest to the place, and what stands there; steps that are tags of pydantic unions
     are passed over."""
-    key, found = None, node
+    key, part = None, node
     for step in loc:
-        if isinstance(found, Entries) and step in found:
-            key, found = found.key(step), found[step]
-        elif isinstance(found, Items) and isinstance(step, int) and step < len(found):
-            found = found[step]
-    return key, found
+        if isinstance(part, Entries) and step in part:
+            key, part = part.key(step), part[step]
+        elif isinstance(part, Items) and isinstance(step, int) and step < len(part):
+            part = part[step]
+    return key, part
 
 
 def _owner(key: Key | None) -> str:

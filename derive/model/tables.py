@@ -26,8 +26,8 @@ Point = tuple[float, float, Span]
 
 def tables(reader: Reader, document: Document) -> tuple[Table, ...]:
     """The entries of `tables:`; their names become functions of the formulas."""
-    found = [_table(reader, key, entry) for key, entry in document.tables.items()]
-    return tuple(table for table in found if table is not None)
+    result = [_table(reader, key, entry) for key, entry in document.tables.items()]
+    return tuple(table for table in result if table is not None)
 
 
 def _table(reader: Reader, key: Key, entry: TableEntry) -> Table | None:
@@ -54,8 +54,8 @@ def _units(reader: Reader, entry: TableEntry) -> tuple[tuple[float, float], tupl
     if len(entry.units) != 2:
         reader.report(entry.units.span, f"{len(entry.units)} units", "two: of x and of y")
         return (1.0, 1.0), ("", "")
-    found = [_unit(reader, scalar) for scalar in entry.units]
-    return (found[0][0], found[1][0]), (found[0][1], found[1][1])
+    factors = [_unit(reader, scalar) for scalar in entry.units]
+    return (factors[0][0], factors[1][0]), (factors[0][1], factors[1][1])
 
 
 def _unit(reader: Reader, scalar: Scalar) -> tuple[float, str]:
@@ -68,7 +68,7 @@ def _unit(reader: Reader, scalar: Scalar) -> tuple[float, str]:
 
 
 def _given(reader: Reader, points: Items | None) -> list[Point]:
-    found: list[Point] = []
+    result: list[Point] = []
     for entry in points or ():
         if not isinstance(entry, Items) or len(entry) != 2:
             reader.report(entry.span, "a point of a table", "two numbers, [x, y]")
@@ -76,8 +76,8 @@ def _given(reader: Reader, points: Items | None) -> list[Point]:
         numbers = [_plain(reader, scalar) for scalar in entry]
         if None not in numbers:
             x, y = (number for number in numbers if number is not None)
-            found.append((x, y, entry.span))
-    return found
+            result.append((x, y, entry.span))
+    return result
 
 
 def _plain(reader: Reader, scalar: Scalar | Items) -> float | None:

@@ -41,10 +41,10 @@ def check_coupled_masses(reading: Reading, result: Robot, mimics: set[Element]) 
 def _carrying_mass(result: Robot) -> set[str]:
     """Bodies that have mass or carry one that has."""
     above = {joint.child: joint.parent for joint in result.joints}
-    found: set[str] = set()
+    bodies: set[str] = set()
     for body in result.bodies:
         name = body.name if body.mass or any(body.inertia) else GROUND
-        while name != GROUND and name not in found:
-            found.add(name)
+        while name != GROUND and name not in bodies:
+            bodies.add(name)
             name = above[name]
-    return found
+    return bodies

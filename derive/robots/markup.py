@@ -123,24 +123,24 @@ class Element:
     def _place(self, attribute: str) -> tuple[int, int]:
         """Offset and length of the attribute's value; of the tag where there is none."""
         position = self.at + 1 + len(self.tag.encode())
-        while attribute and (found := _ATTRIBUTE.match(self.file.content, position)):
-            if found[1].decode("utf-8", "replace") == attribute:
-                return found.start(2) + 1, max(1, len(found[2].decode("utf-8", "replace")) - 2)
-            position = found.end()
+        while attribute and (match := _ATTRIBUTE.match(self.file.content, position)):
+            if match[1].decode("utf-8", "replace") == attribute:
+                return match.start(2) + 1, max(1, len(match[2].decode("utf-8", "replace")) - 2)
+            position = match.end()
         return self.at, len(self.tag) + 1
 
 
 def read(path: str | PathLike[str]) -> File:
     """The content of a file; ModelError where it cannot be had as UTF-8 text."""
     name = str(path)
-    found = content(path, LARGEST)
-    if len(found) > LARGEST:
+    text = content(path, LARGEST)
+    if len(text) > LARGEST:
         raise ModelError(
             Diagnostic(
                 name, message="the file is too large", expected=f"at most {LARGEST >> 20} MiB"
             )
         )
-    return as_file(found, name, Path(path).parent)
+    return as_file(text, name, Path(path).parent)
 
 
 def as_file(content: bytes, name: str, folder: Path) -> File:

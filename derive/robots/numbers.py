@@ -51,8 +51,8 @@ def _number(word: str) -> float:
 
 def scalar(reading: Reading, element: Element, attribute: str, otherwise: float = 0.0) -> float:
     """One number of an attribute, `otherwise` where it is not given; anything else is reported."""
-    found = listing(reading, element, attribute, 1)
-    return found[0] if found else otherwise
+    values = listing(reading, element, attribute, 1)
+    return values[0] if values else otherwise
 
 
 def vector(
@@ -62,8 +62,8 @@ def vector(
     otherwise: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Vector:
     """Three numbers of an attribute, `otherwise` where element or attribute is not there."""
-    found = listing(reading, element, attribute, 3) if element else None
-    x, y, z = found or otherwise
+    values = listing(reading, element, attribute, 3) if element else None
+    x, y, z = values or otherwise
     return (x, y, z)
 
 

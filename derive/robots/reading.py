@@ -61,10 +61,10 @@ def load(path: File) -> Model:
         if isinstance(path, RobotFile):
             _refuse_options(path)
         return model.load(str(path))
-    found = imported(path)
-    for sentence in found.model.notes:
+    result = imported(path)
+    for sentence in result.model.notes:
         warnings.warn(f"{path}: {sentence}", RuntimeWarning, stacklevel=2)
-    return found.model
+    return result.model
 
 
 def _refuse_options(file: RobotFile) -> NoReturn:
@@ -87,17 +87,17 @@ def imported(path: File, floating: bool = False) -> Imported:
     if file.parameters:
         _check_kind(file.parameters)
         name_inertial(robot)
-    made = text_of(robot, Path(path).name)
+    text = text_of(robot, Path(path).name)
     joints = {
         joint.place.get("name"): joint.name
         for joint in robot.joints
         if joint.place.tag in ("joint", "freejoint")
     }
-    found = _model(made, robot, path)
+    result = _model(text, robot, path)
     left_out = tuple(f"left out: {sentence}" for sentence in robot.left_out)
     return Imported(
-        replace(found, notes=(*robot.assumed, *found.notes, *left_out)),
-        made.text,
+        replace(result, notes=(*robot.assumed, *result.notes, *left_out)),
+        text.text,
         robot.kind,
         tuple(robot.changed),
         tuple(robot.assumed),
@@ -146,10 +146,10 @@ def _model(made: Written, robot: Robot, path: File) -> Model:
     try:
         return model.load_text(made.text, str(path))
     except ModelError as error:
-        found: list[Diagnostic] = []
+        diagnostics: list[Diagnostic] = []
         for problem in error.diagnostics:
             origin = made.origins[problem.line - 1] if problem.line else None
             hint = UNPHYSICAL if problem.hint == WAIVER else problem.hint
             place = origin or robot.root
-            found.append(place.diagnostic(problem.message, problem.expected, hint))
-        raise ModelError(dict.fromkeys(found)) from None
+            diagnostics.append(place.diagnostic(problem.message, problem.expected, hint))
+        raise ModelError(dict.fromkeys(diagnostics)) from None

@@ -39,10 +39,10 @@ def unrounded(word: str) -> float | None:
     Rounded or cut off after at least three decimals, or nearer than 1e-8; after two decimals only
     multiples of 90° are meant (0.26 is a number, 1.57 a right angle).
     """
-    found = _DECIMAL.match(word)
-    if found is None:
+    match = _DECIMAL.match(word)
+    if match is None:
         return None
-    digits, angle = len(found[1]), float(word)
+    digits, angle = len(match[1]), float(word)
     grid = math.pi / 12.0 if digits >= 3 else math.pi / 2.0
     meant = grid * round(angle / grid)
     cut = math.floor(abs(meant) * 10**digits) / 10**digits

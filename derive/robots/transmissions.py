@@ -68,11 +68,11 @@ def _driven(
 def _ratio(reading: Reading, actuator: Element) -> float:
     """Turns of the motor to one of the joint."""
     named = ("mechanicalReduction", "gear_ratio")
-    found = [_value(reading, actuator, name, 1.0) for name in named]
-    for name, ratio in zip(named, found):
+    values = [_value(reading, actuator, name, 1.0) for name in named]
+    for name, ratio in zip(named, values):
         if ratio == 0.0:
             reading.report(actuator, f"the {name} of an actuator is zero", "a number that is not")
-    return next((ratio for ratio in found if ratio != 1.0), 1.0)
+    return next((ratio for ratio in values if ratio != 1.0), 1.0)
 
 
 def _value(reading: Reading, actuator: Element, name: str, otherwise: float) -> float:

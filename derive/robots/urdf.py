@@ -157,10 +157,10 @@ def _turned(reading: Reading, origin: Element | None) -> tuple[Vector | None, Ma
             origin, "an origin with rpy and quat_xyzw", "one of the two", attribute="quat_xyzw"
         )
     x, y, z, w = quaternion
-    found = from_quaternion((w, x, y, z))
-    if found is None:
+    rotation = from_quaternion((w, x, y, z))
+    if rotation is None:
         reading.report(origin, "a quaternion of length zero", "a rotation", attribute="quat_xyzw")
-    return None, found or IDENTITY
+    return None, rotation or IDENTITY
 
 
 def _collect(reading: Reading, root: Element, tree: Tree) -> None:
@@ -238,7 +238,7 @@ def _only_root(reading: Reading, tree: Tree, parents: dict[str, str]) -> str:
 def _circles(tree: Tree, parents: dict[str, str]) -> list[list[str]]:
     """Links that carry each other in a circle, from parent to child."""
     done: set[str] = set()
-    found: list[list[str]] = []
+    circles: list[list[str]] = []
     for name in tree.links:
         chain: list[str] = []
         while name in parents and name not in done:
@@ -246,8 +246,8 @@ def _circles(tree: Tree, parents: dict[str, str]) -> list[list[str]]:
             chain.append(name)
             name = parents[name]
         if name in chain:
-            found.append(chain[chain.index(name) :][::-1])
-    return found
+            circles.append(chain[chain.index(name) :][::-1])
+    return circles
 
 
 def _bodies(reading: Reading, tree: Tree, result: Robot) -> None:
@@ -288,8 +288,8 @@ def _joints(reading: Reading, tree: Tree, result: Robot, base: str, floating: bo
     kind = "free" if floating else "fixed"
     # the names of the file come first: the base joint is the one that gives way
     for name, element in tree.joints.items():
-        if (made := _joint(reading, tree, element)) is not None:
-            tree.made[name] = made
+        if (joint := _joint(reading, tree, element)) is not None:
+            tree.made[name] = joint
     result.joints.append(
         Joint(reading.joint_name("base", kind, []), kind, GROUND, tree.bodies[base].name, root)
     )
@@ -329,15 +329,15 @@ def _joint(reading: Reading, tree: Tree, element: Element) -> Joint | None:
 def _axis(reading: Reading, element: Element) -> Vector:
     axis = element.first("axis")
     given = vector(reading, axis, "xyz", (1.0, 0.0, 0.0))
-    found = unit(given)
-    if axis is not None and found is None:
+    direction = unit(given)
+    if axis is not None and direction is None:
         reading.report(
             axis,
             f"the axis of the joint '{element.get('name')}' has length zero",
             "a direction",
             attribute="xyz",
         )
-    return found or (1.0, 0.0, 0.0)
+    return direction or (1.0, 0.0, 0.0)
 
 
 def _limits(reading: Reading, element: Element, joint: Joint) -> None:
@@ -410,7 +410,7 @@ def _mimics(reading: Reading, tree: Tree, result: Robot) -> None:
 
 def _mimic_circles(masters: dict[str, str]) -> list[list[str]]:
     done: set[str] = set()
-    found: list[list[str]] = []
+    circles: list[list[str]] = []
     for name in masters:
         chain: list[str] = []
         while name in masters and name not in done:
@@ -418,8 +418,8 @@ def _mimic_circles(masters: dict[str, str]) -> list[list[str]]:
             chain.append(name)
             name = masters[name]
         if name in chain:
-            found.append(chain[chain.index(name) :])
-    return found
+            circles.append(chain[chain.index(name) :])
+    return circles
 
 
 def _couple(reading: Reading, tree: Tree, result: Robot, name: str, master: str) -> None:

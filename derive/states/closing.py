@@ -68,8 +68,8 @@ class Kinematics:
     ) -> list[np.ndarray]:
         """The results of a function at k states, k × rows × columns each."""
         k = len(t)
-        found = function.call([t.reshape(1, k), q.T, p.T])
-        return [_unpacked(x, function.sparsity_out(i), k) for i, x in enumerate(found)]
+        values = function.call([t.reshape(1, k), q.T, p.T])
+        return [_unpacked(x, function.sparsity_out(i), k) for i, x in enumerate(values)]
 
     def _function(self, name: str, *results: ca.SX) -> ca.Function:
         s = self.system

@@ -50,9 +50,9 @@ def initial_state(
     consistent state is found.
     """
     parameters = _with_states(system, changes or {}, p)
-    told, held = _start_values(system, changes or {}, parameters, t)
+    values, held = _start_values(system, changes or {}, parameters, t)
     own = own_units(system, t)
-    given = {name: x / own.one_of(name) for name, x in told.items()}
+    given = {name: x / own.one_of(name) for name, x in values.items()}
     q, v, rates = _consistent(system, own, given, held, parameters, t)
     coordinates, velocities = (
         [x.name for x in items] for items in (system.model.coordinates, system.model.velocities)
@@ -62,10 +62,10 @@ def initial_state(
     moved = [
         n for n in given if n in held and abs(used[n] - given[n]) > AGREES * (1 + abs(given[n]))
     ]
-    found = tuple((n, told[n], float(used[n] * own.one_of(n))) for n in moved)
+    moves = tuple((n, values[n], float(used[n] * own.one_of(n))) for n in moved)
     sizes = [np.array([own.one_of(name) for name in names]) for names in (coordinates, velocities)]
     z = parameters[len(parameters) - system.z.numel() :]
-    return Initial(q * sizes[0], v * sizes[1], found, z)
+    return Initial(q * sizes[0], v * sizes[1], moves, z)
 
 
 def _with_states(system: System, changes: Mapping[str, float], p: np.ndarray | None) -> np.ndarray:
@@ -112,8 +112,8 @@ def _consistent(
     # positions before velocities: A and N of A v = c depend on q
     q = _closed(own, solver, _start(own.system, given), held, here)
     if q is None:
-        told = {name: x * own.one_of(name) for name, x in given.items()}
-        raise _off(system, p, _start(system, told), t)
+        values = {name: x * own.one_of(name) for name, x in given.items()}
+        raise _off(system, p, _start(system, values), t)
     if _is_free(own.system, solver):
         v = np.array([given.get(x.name, 0.0) for x in system.model.velocities])
         return q, v, v

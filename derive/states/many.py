@@ -97,8 +97,8 @@ class Starter:
     def _given(self, p: np.ndarray) -> dict[str, np.ndarray]:
         if not self.initial:
             return {}
-        found = self.formulas(np.full((1, len(p)), self.t), p.T).full()
-        return {name: row / self.one_of(name) for name, row in zip(self.initial, found)}
+        values = self.formulas(np.full((1, len(p)), self.t), p.T).full()
+        return {name: row / self.one_of(name) for name, row in zip(self.initial, values)}
 
     def _positions(
         self,
@@ -186,11 +186,11 @@ class Starter:
         used = {name: q[:, i] for i, name in enumerate(self.coordinates)}
         used |= {name: v[:, i] for i, name in enumerate(self.velocities)}
         used |= {f"der({name})": rates[:, i] for i, name in enumerate(self.coordinates)}
-        found = np.zeros(len(q), dtype=bool)
-        for name, told in given.items():
+        changed = np.zeros(len(q), dtype=bool)
+        for name, result in given.items():
             if name in self.held:
-                found |= ~(np.abs(used[name] - told) <= AGREES * (1 + np.abs(told)))
-        return found
+                changed |= ~(np.abs(used[name] - result) <= AGREES * (1 + np.abs(result)))
+        return changed
 
 
 def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
@@ -228,15 +228,15 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
 def _charges(system: System) -> ca.Function:
     """p → the initial values of first-order states, in SI."""
     names, functions = system.symbols.names, system.symbols.functions
-    found = [ca.SX(value(x.initial, names, {}, functions)) for x in system.model.states]
-    return ca.Function("charges", [system.own_p], [ca.densify(ca.vertcat(*found))])
+    charges = [ca.SX(value(x.initial, names, {}, functions)) for x in system.model.states]
+    return ca.Function("charges", [system.own_p], [ca.densify(ca.vertcat(*charges))])
 
 
 def _formulas(system: System) -> ca.Function:
     """(t, p) → the initial values that the file gives, in SI."""
     names = {**system.symbols.names, "t": system.t}
-    found = [value(x.value, names, {}, system.symbols.functions) for x in system.model.initial]
-    column = ca.vertcat(*map(ca.SX, found)) if found else ca.SX(0, 1)
+    formulas = [value(x.value, names, {}, system.symbols.functions) for x in system.model.initial]
+    column = ca.vertcat(*map(ca.SX, formulas)) if formulas else ca.SX(0, 1)
     return ca.Function("initial", [system.t, system.own_p], [ca.densify(column)])
 
 
@@ -245,9 +245,9 @@ def matrices(
 ) -> list[np.ndarray]:
     """The results of a function at k states, k × rows × columns each."""
     k = len(t)
-    found = function.call([t.reshape(1, k), q.T, p.T])
+    values = function.call([t.reshape(1, k), q.T, p.T])
     return [
-        x.full().reshape(x.size1(), k, x.size2() // max(k, 1)).transpose(1, 0, 2) for x in found
+        x.full().reshape(x.size1(), k, x.size2() // max(k, 1)).transpose(1, 0, 2) for x in values
     ]
 
 
@@ -326,7 +326,7 @@ def _by_squares(A: np.ndarray, b: np.ndarray, within: float) -> tuple[np.ndarray
 def least_of_bodies(system: System) -> ca.Function:
     """p → the masses and moments of inertia of all bodies that are formulas of parameters: none
     may be negative."""
-    names, found = system.symbols.names, list[ca.SX]()
+    names, inertias = system.symbols.names, list[ca.SX]()
     unknown = {*(c.name for c in system.model.coordinates), "t"}
     for body in system.model.bodies:
         for formula in (body.mass, *body.inertia[:3]):
@@ -336,6 +336,6 @@ def least_of_bodies(system: System) -> ca.Function:
                 for n in nodes
             ):
                 continue
-            found.append(ca.SX(value(formula, names, {}, casadi_functions())))
-    column = ca.vertcat(*found) if found else ca.SX.ones(1)
+            inertias.append(ca.SX(value(formula, names, {}, casadi_functions())))
+    column = ca.vertcat(*inertias) if inertias else ca.SX.ones(1)
     return ca.Function("bodies", [system.own_p], [ca.densify(column)])

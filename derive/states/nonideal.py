@@ -79,23 +79,23 @@ def ideal_reactions(system: System, used: list[int]) -> ca.SX:
     Q° + Aᵀ λ°, A v̇° = β. Raises AssumptionError where a row in `used` repeats others, or a motion
     that the constraints allow has no mass."""
     solver = Kinematics(system)
-    found = states(system, SAMPLES, solver=solver)
-    sampled = solver.rows(found.t, found.q, found.p)[0]
-    kept = list(independent(sampled / row_lengths(sampled)[:, None], range(len(system.rows))))
+    samples = states(system, SAMPLES, solver=solver)
+    sampled = solver.rows(samples.t, samples.q, samples.p)[0]
+    rows = list(independent(sampled / row_lengths(sampled)[:, None], range(len(system.rows))))
     for i in used:
         _check_unique(system, sampled, i)
-    M, A, nv = system.M, system.A[kept, :], system.v.numel()
-    sides: list[Vector] = [_entries(ca.vertcat(system.Q - system.h, system.beta[kept, 0]))]
-    bordered = ca.blockcat([[M, A.T], [A, ca.SX(len(kept), len(kept))]])
+    M, A, nv = system.M, system.A[rows, :], system.v.numel()
+    sides: list[Vector] = [_entries(ca.vertcat(system.Q - system.h, system.beta[rows, 0]))]
+    bordered = ca.blockcat([[M, A.T], [A, ca.SX(len(rows), len(rows))]])
     if system.definite:
         x = ldl_solution(
-            scalars(bordered), sides, [*reversed(range(nv)), *range(nv, nv + len(kept))]
+            scalars(bordered), sides, [*reversed(range(nv)), *range(nv, nv + len(rows))]
         ).x[0]
     else:
-        values = solver.values(bordered, found.t, found.q, found.p)
+        values = solver.values(bordered, samples.t, samples.q, samples.p)
         x = _by_pivots(system, bordered, sides, values)
     result = ca.SX.zeros(len(system.rows))
-    for i, y in zip(kept, x[nv:]):
+    for i, y in zip(rows, x[nv:]):
         result[i] = -y
     return result
 

@@ -73,7 +73,7 @@ def states(
     own = scales(system.model)
     if own.plain:
         return _states(system, count, seed, spread, parameters, solver)
-    found = _states(scaled(system, own), count, seed, spread, parameters, None)
+    result = _states(scaled(system, own), count, seed, spread, parameters, None)
     model = system.model
     units = (
         model.coordinates,
@@ -81,9 +81,9 @@ def states(
         model.inputs,
         system.given,
     )
-    columns = zip((found.q, found.v, found.u, found.p), units)
+    columns = zip((result.q, result.v, result.u, result.p), units)
     return States(
-        own.time * found.t,
+        own.time * result.t,
         *(values * own.all_of(x.unit for x in items) for values, items in columns),
     )
 
@@ -102,10 +102,10 @@ def _states(
     t, p = _times(system, rng, many), _parameters(system, rng, many, parameters)
     q = _scattered(system, rng, many, spread)
     if system.phi.numel():
-        found = _walked(solver, rng, t, p, spread)
-        if found is None:
+        result = _walked(solver, rng, t, p, spread)
+        if result is None:
             return _nothing(system)
-        t, q, p = found
+        t, q, p = result
     v, regular = _velocities(solver, rng, t, q, p)
     u = rng.normal(size=(len(t), system.u.numel()))
     regular &= _steady(solver, t, q, p)
@@ -307,9 +307,9 @@ def _start(solver: Kinematics, rng: np.random.Generator, p: np.ndarray) -> np.nd
     free = np.array([c.name not in held for c in system.model.coordinates])
     centre = nominal(system)
     for choice in (free, np.ones(len(centre), dtype=bool)):
-        found = closed(solver, 0.0, centre, p, choice)
-        if found is not None:
-            return normalised(system, found)
+        start = closed(solver, 0.0, centre, p, choice)
+        if start is not None:
+            return normalised(system, start)
     starts = [closed(solver, 0.0, q, p) for q in _scattered(system, rng, STARTS, 1.0)]
     closest = sorted(
         (q for q in starts if q is not None), key=lambda q: float(np.max(np.abs(q - centre)))

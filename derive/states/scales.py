@@ -79,15 +79,15 @@ class Scales:
 def scales(model: Model) -> Scales:
     """The model's own units; where nothing in it tells, say, of mass, that is the kilogram. Powers
     of a thousand, so that converting a number rounds it but does not change how it reads."""
-    found = [
+    result = [
         (dimension, abs(value))
         for dimension, value in _magnitudes(model)
         if any(dimension[:3]) and value
     ]
-    if not found:
+    if not result:
         return Scales()
-    powers = np.array([[float(k) for k in dimension[:3]] for dimension, _ in found])
-    decades = np.linalg.lstsq(powers, np.log10([value for _, value in found]), rcond=UNKNOWN)[0]
+    powers = np.array([[float(k) for k in dimension[:3]] for dimension, _ in result])
+    decades = np.linalg.lstsq(powers, np.log10([value for _, value in result]), rcond=UNKNOWN)[0]
     return Scales(*(_power(x) for x in np.clip(decades, -FARTHEST, FARTHEST)))
 
 
@@ -111,7 +111,7 @@ def scaled(system: System, own: Scales) -> System:
     )
     parameters = tuple(float(x) for x in np.array(system.parameters) / p)
     rates = ca.DM(own.time / q)
-    found = ca.substitute(
+    substituted = ca.substitute(
         [
             system.phi / own.time,
             ca.mtimes(system.A, ca.diag(ca.DM(v))),
@@ -123,7 +123,7 @@ def scaled(system: System, own: Scales) -> System:
         [system.t, system.q, system.v, system.p],
         [own.time * system.t, ca.DM(q) * system.q, ca.DM(v) * system.v, ca.DM(p) * system.p],
     )
-    terms = dict(zip(("phi", "A", "c", "N", "M", "qdot"), found))
+    terms = dict(zip(("phi", "A", "c", "N", "M", "qdot"), substituted))
     return _of_like_rows(
         changed(system, model=replace(model, initial=start), parameters=parameters, **terms)
     )
@@ -171,8 +171,8 @@ def typical(sizes: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     state near a singular position should not tell what is usual."""
     if not len(sizes):
         return np.zeros(0)
-    found = np.median(sizes, axis=0)
-    return 1000.0 ** np.round(np.log10(np.where(found > 0.0, found, 1.0)) / STEP)
+    middle = np.median(sizes, axis=0)
+    return 1000.0 ** np.round(np.log10(np.where(middle > 0.0, middle, 1.0)) / STEP)
 
 
 def _magnitudes(model: Model) -> Iterator[Magnitude]:
@@ -213,5 +213,5 @@ def _numbers(part: object) -> Iterator[tree.Number]:
             yield from _numbers(item)
     elif is_dataclass(part):
         yield from (
-            found for field in fields(part) for found in _numbers(getattr(part, field.name))
+            result for field in fields(part) for result in _numbers(getattr(part, field.name))
         )

@@ -137,5 +137,5 @@ def structure(system: System) -> dict[tuple[int, int], np.ndarray]:
     brackets = [ca.jtimes(N[:, j], q, N[:, i]) - ca.jtimes(N[:, i], q, N[:, j]) for i, j in pairs]
     function = ca.Function("brackets", [q], [ca.densify(N), ca.densify(ca.horzcat(*brackets))])
     values, columns = (np.asarray(x) for x in function(states(system, 1).q[0]))
-    found = np.rint(np.linalg.lstsq(values, columns, rcond=None)[0])
-    return {pair: found[:, k] for k, pair in enumerate(pairs) if found[:, k].any()}
+    exponents = np.rint(np.linalg.lstsq(values, columns, rcond=None)[0])
+    return {pair: exponents[:, k] for k, pair in enumerate(pairs) if exponents[:, k].any()}

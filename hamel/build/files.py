@@ -27,15 +27,15 @@ def staged_file(place: Path) -> Iterator[Path]:
             yield target
             return
         with parents(target), scratch(target.parent) as folder:
-            made = folder / target.name
-            yield made
-            made.replace(target)
+            draft = folder / target.name
+            yield draft
+            draft.replace(target)
 
 
 def write_text(place: Path, text: str) -> None:
     """Write a file in one step."""
-    with staged_file(place) as made:
-        made.write_text(text, encoding="utf-8")
+    with staged_file(place) as draft:
+        draft.write_text(text, encoding="utf-8")
 
 
 @contextmanager

@@ -37,9 +37,9 @@ def fixed(
             raise ModelError(
                 f"'{name}' is to be fixed, but {model.name} has no such input or parameter; {near}"
             )
-    found = settings(model, values)
-    u = {i.name: found.inputs[i.name] for i in model.inputs if i.name in values}
-    p = {x.name: found.parameters[x.name] for x in model.parameters if x.name in values}
+    result = settings(model, values)
+    u = {i.name: result.inputs[i.name] for i in model.inputs if i.name in values}
+    p = {x.name: result.parameters[x.name] for x in model.parameters if x.name in values}
     changed = replace(
         model,
         inputs=tuple(i for i in model.inputs if i.name not in u),

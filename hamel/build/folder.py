@@ -38,16 +38,16 @@ _HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2
 
 def manifest(place: Path) -> dict[str, Any]:
     """The manifest of a folder that hamel made; empty for any other."""
-    found = _json(place / MANIFEST)
-    return found if found.get("generator") == "hamel" else {}
+    content = _json(place / MANIFEST)
+    return content if content.get("generator") == "hamel" else {}
 
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return content if isinstance(content, dict) else {}
 
 
 def owned(place: Path) -> frozenset[str]:
@@ -126,12 +126,12 @@ def differences(place: Path) -> tuple[str, ...]:
     if not said:
         raise ToolchainError(f"{place} is not a generated module: it has no {MANIFEST} of hamel")
     sealed = said.get("seal") == manifest_seal(said)
-    found: list[str] = [] if sealed else [f"{MANIFEST} was changed"]
-    made = _json(place / BINARIES)
-    wanted = {**_hashes(said.get("files")), **_hashes(made)}
-    found += [line for name, known in wanted.items() if (line := _difference(place, name, known))]
-    strangers = sorted(set(_binaries(place, str(said.get("model")))) - set(made))
-    return (*found, *(f"{name} was made neither by hamel nor by build.py" for name in strangers))
+    result: list[str] = [] if sealed else [f"{MANIFEST} was changed"]
+    binaries = _json(place / BINARIES)
+    wanted = {**_hashes(said.get("files")), **_hashes(binaries)}
+    result += [line for name, known in wanted.items() if (line := _difference(place, name, known))]
+    strangers = sorted(set(_binaries(place, str(said.get("model")))) - set(binaries))
+    return (*result, *(f"{name} was made neither by hamel nor by build.py" for name in strangers))
 
 
 def _hashes(files: Any) -> dict[str, str]:

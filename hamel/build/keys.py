@@ -92,9 +92,9 @@ def compiler_errors() -> Iterator[None]:
 
 def compiler_stamp(command: Sequence[str]) -> str:
     """The compiler's program: where it is, its size and when it was made."""
-    found = shutil.which(command[0])
-    place = os.path.realpath(found) if found else command[0]
-    return f"{list(command)} {place} {_stamp(place) if found else ''}"
+    program = shutil.which(command[0])
+    place = os.path.realpath(program) if program else command[0]
+    return f"{list(command)} {place} {_stamp(place) if program else ''}"
 
 
 def _stamp(place: str) -> str:

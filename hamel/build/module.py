@@ -73,9 +73,9 @@ def published(
 ) -> Published:
     """Program → folder, compiled where there is a compiler (`compiler` or the first one found)."""
     texts = emit(program, extra)
-    with compiled(program.name, texts, compiler) as made:
-        publish(Path(folder), made.files)
-    return Published(Path(folder), made.compiled, made.message, made.cached)
+    with compiled(program.name, texts, compiler) as result:
+        publish(Path(folder), result.files)
+    return Published(Path(folder), result.compiled, result.message, result.cached)
 
 
 @dataclass(frozen=True)
@@ -147,10 +147,10 @@ def temporary_module(
 ) -> Iterator[ModuleType]:
     """Equations → module that is needed for the length of a command."""
     program = program_of(equations, functions, integrators, enforcements, real)
-    with compiled(program.name, emit(program)) as made:
-        if made.message:
-            warnings.warn(made.message, RuntimeWarning, stacklevel=3)
-        yield made.module
+    with compiled(program.name, emit(program)) as folder:
+        if folder.message:
+            warnings.warn(folder.message, RuntimeWarning, stacklevel=3)
+        yield folder.module
 
 
 def module_in(folder: str | os.PathLike[str]) -> ModuleType:

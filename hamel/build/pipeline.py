@@ -76,10 +76,10 @@ def build(
             derivation = _page(equations)
         with clock("verify", "binaries → verified, at random states"):
             checked = with_emitted(equations, program)
-            found = _verification(checked, _waiting(finished, clock), options.states)
+            verification = _verification(checked, _waiting(finished, clock), options.states)
             emitted = {kernel.name for kernel in program.kernels}
-            rows = shipped(checked, emitted, found.seed, module=finished().module)
-            states = stored(found, equations, rows)
+            rows = shipped(checked, emitted, verification.seed, module=finished().module)
+            states = stored(verification, equations, rows)
         compiled = finished()
         if compiled.message:
             warnings.warn(compiled.message, RuntimeWarning, stacklevel=2)
@@ -157,9 +157,9 @@ def _verification(
     """Raises VerificationError unless equations and module agree with the independent
     derivation."""
     model = equations.system.model
-    found = quick_verification(model, equations, module, affordable(equations, states))
-    check_all(equations, found.checks, "nothing is written", found.hardest)
-    return found
+    verification = quick_verification(model, equations, module, affordable(equations, states))
+    check_all(equations, verification.checks, "nothing is written", verification.hardest)
+    return verification
 
 
 def _bytes(texts: Mapping[str, str]) -> dict[str, bytes]:

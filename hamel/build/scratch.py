@@ -85,9 +85,9 @@ def _put_back(place: Path) -> None:
 
 def _alive(name: str) -> bool:
     """Whether the process that made the folder lives."""
-    found = NAME.fullmatch(name)
+    match = NAME.fullmatch(name)
     try:
-        os.kill(int(found.group(1)) if found else 0, 0)
+        os.kill(int(match.group(1)) if match else 0, 0)
     except (ProcessLookupError, OverflowError):
         return False
     except OSError:

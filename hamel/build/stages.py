@@ -119,8 +119,8 @@ def program_for(equations: Equations, options: BuildOptions) -> Program:
     if options.header and options.roll == ALWAYS:
         raise AssumptionError("loops over links are in no header of inline functions")
     roll = NEVER if straight and options.roll == AUTO else options.roll
-    made = program_of(equations, functions, options.integrators, real=options.real, roll=roll)
-    return replace(made, inline=options.header, targets=tuple(target.name for target in asked))
+    result = program_of(equations, functions, options.integrators, real=options.real, roll=roll)
+    return replace(result, inline=options.header, targets=tuple(target.name for target in asked))
 
 
 def _is_possible(equations: Equations, name: str) -> bool:

@@ -65,14 +65,14 @@ def put(kind: str, key: str | None, entry: Entry) -> None:
     if place is None:
         return
     with contextlib.suppress(OSError), scratch(place.parent) as fresh:
-        made = fresh / place.name
+        result = fresh / place.name
         for name, content in entry.files.items():
-            path = made / "files" / name
+            path = result / "files" / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
-        made.mkdir(exist_ok=True)
-        (made / INDEX).write_text(_index(kind, key, entry), encoding="utf-8")
-        os.rename(made, place)
+        result.mkdir(exist_ok=True)
+        (result / INDEX).write_text(_index(kind, key, entry), encoding="utf-8")
+        os.rename(result, place)
     prune(place.parent)
 
 
@@ -85,11 +85,11 @@ def drop(kind: str, key: str | None) -> None:
 
 def digest(*parts: str | bytes) -> str:
     """A name for a sequence of texts."""
-    found = hashlib.sha256()
+    result = hashlib.sha256()
     for part in parts:
         content = part.encode() if isinstance(part, str) else part
-        found.update(f"{len(content)}\0".encode() + content)
-    return found.hexdigest()
+        result.update(f"{len(content)}\0".encode() + content)
+    return result.hexdigest()
 
 
 def _place(kind: str, key: str | None) -> Path | None:
@@ -173,13 +173,13 @@ def prune(place: Path, longest: float = LONGEST, largest: int = LARGEST) -> None
 
 def _aged(place: Path, now: float) -> list[tuple[float, Path]]:
     """Every entry with the seconds since it was of use."""
-    found = []
+    old = []
     with contextlib.suppress(OSError):
         for entry in os.scandir(place):
             with contextlib.suppress(OSError):  # another process may have dropped it
                 if entry.is_dir(follow_symlinks=False) and not is_scratch(entry.name):
-                    found.append((now - entry.stat().st_mtime, Path(entry.path)))
-    return found
+                    old.append((now - entry.stat().st_mtime, Path(entry.path)))
+    return old
 
 
 def _size(entry: Path) -> int:

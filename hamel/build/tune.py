@@ -100,12 +100,12 @@ def _candidates(
     for choice in choices:
         for formulation in fitting:
             try:
-                found = with_linearization(equations(mechanics, choice, formulation, moving=True))
+                result = with_linearization(equations(mechanics, choice, formulation, moving=True))
             except AssumptionError as error:
                 refusal = error
                 continue
             seen += 1
-            yield f"{formulation}, {found.choice}", found
+            yield f"{formulation}, {result.choice}", result
     if not seen and refusal is not None:
         raise refusal
 

@@ -26,11 +26,11 @@ def typeset(text: str, place: Path) -> None:
             f"cannot typeset {place}: {COMMAND} is not installed",
             hint="install a TeX distribution, or leave out --pdf and typeset derivation.tex later",
         )
-    with staged_file(place) as made, scratch(made.parent) as folder:
+    with staged_file(place) as draft, scratch(draft.parent) as folder:
         (folder / "article.tex").write_text(text, encoding="utf-8")
         for _ in range(RUNS):
             _run([command, *FLAGS, "article.tex"], folder, place)
-        (folder / "article.pdf").replace(made)
+        (folder / "article.pdf").replace(draft)
 
 
 def _run(command: list[str], folder: Path, place: Path) -> None:

@@ -46,13 +46,13 @@ def regressor_samples(equations: Equations, count: int, seed: int) -> Array:
     """Sᵀ Y at random admissible states and accelerations, one below the other, each state by the
     size of its largest entry."""
     system = equations.system
-    found = states(system, count, seed)
+    samples = states(system, count, seed)
     function = function_of(equations, equations.request("regressor_w").function)
     to_state = function_of(equations, "state")
     rng = np.random.default_rng(seed)
     frame = () if equations.frame is None else equations.frame.values
     blocks: list[Array] = []
-    for t, q, v, u, p in zip(found.t, found.q, found.v, found.u, found.p):
+    for t, q, v, u, p in zip(samples.t, samples.q, samples.v, samples.u, samples.p):
         own = np.concatenate([p, frame])
         x = to_state(t, np.concatenate([q, v]), u, own).full().ravel()
         taken = np.concatenate([x, rng.normal(size=len(equations.w))])
@@ -76,16 +76,16 @@ def base_parameters(equations: Equations, seed: int = 0) -> Base:
     felt = np.abs(Z).max(axis=0, initial=0.0) > VANISHES
     rows = np.flatnonzero((np.abs(sums).max(axis=1, initial=0.0) > VANISHES * size) & felt)
     columns = Z[:, rows]
-    kept, beta, least, most = independent(columns)
-    combination = sums[rows][kept] + beta @ np.delete(sums[rows], kept, axis=0)
+    result, beta, least, most = independent(columns)
+    combination = sums[rows][result] + beta @ np.delete(sums[rows], result, axis=0)
     combination[np.abs(combination) < ROUND * np.abs(combination).max(initial=1.0)] = 0.0
-    text = _texts(shape.sums, rows[kept], beta, combination, known)
+    text = _texts(shape.sums, rows[result], beta, combination, known)
     silent = np.flatnonzero(np.abs(combination).max(axis=0, initial=0.0) == 0.0)
     return Base(
         known,
-        _leading(combination, rows[kept]),
+        _leading(combination, rows[result]),
         combination,
-        np.linalg.inv(frames)[:, rows[kept]],
+        np.linalg.inv(frames)[:, rows[result]],
         text,
         tuple(known[k].name for k in silent),
         len(rows),
@@ -104,32 +104,32 @@ def independent(columns: Array) -> tuple[Array, Array, float, float]:
     scaled = columns / np.where(lengths > 0.0, lengths, 1.0)
     if not scaled.size:
         return np.zeros(0, dtype=int), np.zeros((0, columns.shape[1])), 1.0, 0.0
-    found: Any = qr(scaled, mode="r", pivoting=True)
-    R, pivots = found
+    factors: Any = qr(scaled, mode="r", pivoting=True)
+    R, pivots = factors
     left = np.abs(np.diag(R))
     rank = int(np.count_nonzero(left > DEPENDS))
-    kept = _in_order(scaled, rank)
-    if len(kept) != rank:
-        kept = np.sort(pivots[:rank])
-    others = np.delete(np.arange(columns.shape[1]), kept)
-    beta = np.linalg.lstsq(scaled[:, kept], scaled[:, others], rcond=None)[0]
-    beta = beta / lengths[kept][:, None] * lengths[others][None, :]
+    places = _in_order(scaled, rank)
+    if len(places) != rank:
+        places = np.sort(pivots[:rank])
+    others = np.delete(np.arange(columns.shape[1]), places)
+    beta = np.linalg.lstsq(scaled[:, places], scaled[:, others], rcond=None)[0]
+    beta = beta / lengths[places][:, None] * lengths[others][None, :]
     beta[np.abs(beta) < ROUND] = 0.0
-    return kept, beta, float(left[:rank].min(initial=1.0)), float(left[rank:].max(initial=0.0))
+    return places, beta, float(left[:rank].min(initial=1.0)), float(left[rank:].max(initial=0.0))
 
 
 def _in_order(scaled: Array, rank: int) -> Array:
     """Each column that is no sum of those before it."""
     basis = np.zeros((len(scaled), 0))
-    kept: list[int] = []
+    places: list[int] = []
     for k, column in enumerate(scaled.T):
         rest = column - basis @ (basis.T @ column)
         rest = rest - basis @ (basis.T @ rest)
         size = float(np.linalg.norm(rest))
-        if size > DEPENDS and len(kept) < rank:
-            kept.append(k)
+        if size > DEPENDS and len(places) < rank:
+            places.append(k)
             basis = np.column_stack([basis, rest / size])
-    return np.array(kept, dtype=int)
+    return np.array(places, dtype=int)
 
 
 def _leading(combination: Array, rows: Array) -> tuple[int, ...]:

@@ -78,13 +78,13 @@ def ordinary(rows: Rows) -> Estimate:
 
 def weighted(rows: Rows) -> Estimate:
     """Each equation by the standard deviation of what it leaves, until that settles."""
-    found = ordinary(rows)
+    estimate = ordinary(rows)
     for _ in range(ROUNDS):
-        spread = np.maximum(found.spread, LEAST_WEIGHT * (found.spread.max() or 1.0))
-        found = _solved(rows, 1.0 / spread)
-        if np.allclose(found.spread, spread, rtol=SETTLED, atol=0.0):
+        spread = np.maximum(estimate.spread, LEAST_WEIGHT * (estimate.spread.max() or 1.0))
+        estimate = _solved(rows, 1.0 / spread)
+        if np.allclose(estimate.spread, spread, rtol=SETTLED, atol=0.0):
             break
-    return found
+    return estimate
 
 
 def _solved(rows: Rows, weights: Array) -> Estimate:
@@ -123,8 +123,8 @@ def consistent(rows: Rows, base: Base, spread: Array, own: Array, solver: Any) -
     scale = scales(base.standard, own)
     G = (A * scale).T @ (A * scale)
     known = np.linalg.eigvalsh(G)
-    told = known[-len(base.leading) :]
-    light = LIGHT * max(float(told[0]), 1e-12 * float(told[-1]))
+    outcome = known[-len(base.leading) :]
+    light = LIGHT * max(float(outcome[0]), 1e-12 * float(outcome[-1]))
     P = sparse.triu(sparse.csc_matrix(G + light * np.eye(len(scale))), format="csc")
     q = -(A * scale).T @ y - light * own / scale
     # the problem by its largest entry: tolerances of the solver are then those of z
@@ -133,12 +133,12 @@ def consistent(rows: Rows, base: Base, spread: Array, own: Array, solver: Any) -
     settings = solver.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
-    found = solver.DefaultSolver(
+    result = solver.DefaultSolver(
         P / largest, q / largest, sparse.csc_matrix(-rows_of_cones), -floor, cones, settings
     ).solve()
-    if str(found.status) not in ("Solved", "AlmostSolved"):
-        raise AssumptionError(f"the consistent parameters were not found: {found.status}")
-    return np.array(found.x) * scale
+    if str(result.status) not in ("Solved", "AlmostSolved"):
+        raise AssumptionError(f"the consistent parameters were not found: {result.status}")
+    return np.array(result.x) * scale
 
 
 def scales(standard: Sequence[Parameter], own: Array) -> Array:

@@ -83,8 +83,8 @@ def excitation(
     rng = np.random.default_rng(0)
     drawn = [rng.normal(size=np.prod(shape)) for _ in range(TRIES)]
     best = min(drawn, key=judged)
-    found = minimize(judged, best, method="L-BFGS-B", options={"maxiter": STEPS})
-    chosen = found.x if found.fun < judged(best) else best
+    optimum = minimize(judged, best, method="L-BFGS-B", options={"maxiter": STEPS})
+    chosen = optimum.x if optimum.fun < judged(best) else best
     series = within(np.reshape(chosen, shape), 2.0 * np.pi / period, bounds)
     return series, 10.0 ** judged(chosen)
 
@@ -117,7 +117,7 @@ def within(coefficients: Array, omega: float, bounds: Bounds) -> Series:
 def columns(names: Sequence[str], series: Series, t: Array) -> dict[str, Array]:
     """t, coordinates, velocities and accelerations by the names that `identify` reads."""
     q, v, vdot = series.motion(t)
-    found = {"t": t}
+    result = {"t": t}
     for prefix, suffix, values in (("", "", q), ("der(", ")", v), ("der(der(", "))", vdot)):
-        found |= {f"{prefix}{name}{suffix}": values[:, k] for k, name in enumerate(names)}
-    return found
+        result |= {f"{prefix}{name}{suffix}": values[:, k] for k, name in enumerate(names)}
+    return result

@@ -61,9 +61,9 @@ def fit(
     rows = rows_of(equations, base, motion)
     first, second = ordinary(rows), weighted(rows)
     own = own_values(equations)
-    found = None if solver is None else consistent(rows, base, second.spread, own, solver)
+    physical = None if solver is None else consistent(rows, base, second.spread, own, solver)
     fresh = None if check is None else rows_of(equations, base, measured(equations, check, cutoff))
-    return Fit(equations, base, motion, rows, first, second, own, found, fresh)
+    return Fit(equations, base, motion, rows, first, second, own, physical, fresh)
 
 
 def own_values(equations: Equations) -> Array:

@@ -63,11 +63,11 @@ class Measured:
 
 def table(file: str | Path) -> dict[str, Array]:
     """The columns of a file. Raises ModelError where it has too few rows to fit anything to."""
-    found = file_columns(file)
-    rows = min(column.size for column in found.values())
+    result = file_columns(file)
+    rows = min(column.size for column in result.values())
     if rows < LEAST:
         raise ModelError(f"{file} has {rows} rows", f"{LEAST} or more")
-    return found
+    return result
 
 
 def measured(equations: Equations, file: str | Path, cutoff: float | None) -> Measured:
@@ -149,13 +149,13 @@ def _positions(equations: Equations, t: Array, given: dict[str, Array], file: st
     solver, p = Kinematics(system), np.array(system.parameters)
     for k, time in enumerate(t):
         start = np.where(missing, start, [given[n][k] if n in given else 0.0 for n in names])
-        found = closed(solver, float(time), start, p, missing)
-        if found is None:
+        positions = closed(solver, float(time), start, p, missing)
+        if positions is None:
             lost = [name for name in names if name not in given]
             raise ModelError(
                 f"{file}: {listed(lost)} cannot be found at t = {time:g} s", "columns of them"
             )
-        rows[k] = start = found
+        rows[k] = start = positions
     return rows
 
 
@@ -180,8 +180,8 @@ def _rows(values: Sequence[float], count: int) -> Array:
 def at_rows(function: ca.Function, t: Array, x: Array, u: Array, p: Sequence[float]) -> Array:
     """A function of (t, x, u, p) at many rows: rows × r × c."""
     count, own = len(t), np.array(p, dtype=float)
-    found = function.map(count)(t[None, :], x.T, u.T, np.tile(own[:, None], (1, count))).full()
-    return found.reshape(found.shape[0], count, -1).transpose(1, 0, 2)
+    result = function.map(count)(t[None, :], x.T, u.T, np.tile(own[:, None], (1, count))).full()
+    return result.reshape(result.shape[0], count, -1).transpose(1, 0, 2)
 
 
 def parameters_of(equations: Equations) -> tuple[float, ...]:
@@ -192,8 +192,8 @@ def parameters_of(equations: Equations) -> tuple[float, ...]:
 def _speeds(equations: Equations, t: Array, q: Array, v: Array, u: Array) -> Array:
     """w = B v."""
     function = function_of(equations, "state")
-    found = at_rows(function, t, np.hstack([q, v]), u, parameters_of(equations))
-    return found[:, q.shape[1] :, 0]
+    values = at_rows(function, t, np.hstack([q, v]), u, parameters_of(equations))
+    return values[:, q.shape[1] :, 0]
 
 
 def _speed_rates(equations: Equations, t: Array, q: Array, v: Array, vdot: Array) -> Array:

@@ -36,7 +36,7 @@ class Sweep:
         axis (or on it)."""
         if len(self.names) != 1:
             return ()
-        flags, found, values = ~self.unstable, [], self.values[:, 0]
+        flags, crossings, values = ~self.unstable, [], self.values[:, 0]
         start = float(values[0]) if flags[0] else None
         for k in range(len(flags) - 1):
             if flags[k] == flags[k + 1]:
@@ -45,9 +45,9 @@ class Sweep:
             if start is None:
                 start = edge
             else:
-                found.append((start, edge))
+                crossings.append((start, edge))
                 start = None
-        return (*found, *([] if start is None else [(start, float(values[-1]))]))
+        return (*crossings, *([] if start is None else [(start, float(values[-1]))]))
 
     def _edge(self, a: float, b: float) -> float:
         """The critical value between two rows at which stability changes."""

@@ -43,7 +43,7 @@ def _writer(place: Path, known: dict[str, Write], option: str) -> Writer:
 def write_csv(record: Simulated, place: Path) -> None:
     """A line of names, then a line per row; numbers round-trip."""
     columns = {name: _texts(column) for name, column in record.motion.items()}
-    with staged_file(place) as made, made.open("w", encoding="utf-8", newline="\n") as file:
+    with staged_file(place) as draft, draft.open("w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(columns) + "\n")
         file.writelines(",".join(row) + "\n" for row in zip(*columns.values()))
 
@@ -55,7 +55,7 @@ def _texts(column: np.ndarray) -> list[str]:
 
 def write_npz(record: Simulated, place: Path) -> None:
     """One array per name."""
-    with staged_file(place) as made, made.open("wb") as file:
+    with staged_file(place) as draft, draft.open("wb") as file:
         np.savez(file, **record.motion)  # type: ignore[arg-type]
 
 
@@ -73,7 +73,7 @@ def write_parquet(record: Simulated, place: Path) -> None:
     ]
     arrays = [arrow.array(column.tolist()) for column in columns.values()]
     table = arrow.table(arrays, schema=arrow.schema(fields, metadata={"title": record.title}))
-    with staged_file(place) as made, made.open("wb") as file:
+    with staged_file(place) as draft, draft.open("wb") as file:
         library("pyarrow.parquet", "-o FILE.parquet", "data").write_table(table, file)
 
 

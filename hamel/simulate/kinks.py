@@ -21,15 +21,15 @@ def check_kinks(method: Method, model: Model) -> None:
     Raises AssumptionError.
     """
     own = integrator_of(method.integrator)
-    found = pieces(model)
-    if not found or own is None:
+    kinks = pieces(model)
+    if not kinks or own is None:
         return
     if method.integrator == SERIES:
-        message = f"{SERIES} takes the series of one piece for the whole step: {_said(found[0])}"
-        raise AssumptionError(model.diagnostic(found[0].span, message, ADVICE))
+        message = f"{SERIES} takes the series of one piece for the whole step: {_said(kinks[0])}"
+        raise AssumptionError(model.diagnostic(kinks[0].span, message, ADVICE))
     if method.step_size is not None or not own.adaptive:
         message = f"equal steps of {method.integrator} do not see where a piece ends: "
-        warnings.warn(f"{message}{_said(found[0])}; {ADVICE}", RuntimeWarning, stacklevel=2)
+        warnings.warn(f"{message}{_said(kinks[0])}; {ADVICE}", RuntimeWarning, stacklevel=2)
 
 
 def _said(piece: Piece) -> str:

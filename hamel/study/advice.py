@@ -139,9 +139,9 @@ def broken(own: Sequence[Row]) -> list[str]:
 
 def _alike(own: Sequence[Row], group: Sequence[Row]) -> list[Row]:
     """All runs of the method and the enforcements of these."""
-    names, kept = ("formulation", "choice"), {row["enforcement"] for row in group}
+    names, enforcements = ("formulation", "choice"), {row["enforcement"] for row in group}
     same = [row for row in own if all(row[name] == group[0][name] for name in names)]
-    return [row for row in same if row["enforcement"] in kept]
+    return [row for row in same if row["enforcement"] in enforcements]
 
 
 def _where(own: Sequence[Row], group: Sequence[Row]) -> str:
@@ -149,9 +149,9 @@ def _where(own: Sequence[Row], group: Sequence[Row]) -> str:
     formulation, choice = group[0]["formulation"], group[0]["choice"]
     where = f"{formulation} ({choice})" if choice else formulation
     same = [r for r in own if r["formulation"] == formulation and r["choice"] == choice]
-    kept = dict.fromkeys(row["enforcement"] for row in group)
+    enforcements = dict.fromkeys(row["enforcement"] for row in group)
     all_of_them = len(_alike(own, group)) == len(same)
-    return where if all_of_them else f"{where} with {' and '.join(kept)}"
+    return where if all_of_them else f"{where} with {' and '.join(enforcements)}"
 
 
 def _causes(own: Sequence[Row]) -> dict[tuple[str, ...], list[Row]]:

@@ -49,12 +49,12 @@ def _sentence(reached: Reached, names: Sequence[str]) -> str:
     if reached.ratio is None:
         k = 0 if reached.runs[0] else 1
         return f"{at} take {names[k]} ({_told(reached.runs[k])}): {names[1 - k]} did not reach it."
-    told = f"{_told(reached.runs[0])} against {_told(reached.runs[1])}"
+    text = f"{_told(reached.runs[0])} against {_told(reached.runs[1])}"
     if max(reached.ratio, 1 / reached.ratio) < NOISE:
-        return f"{at} {names[0]} and {names[1]} take as long: {told}."
+        return f"{at} {names[0]} and {names[1]} take as long: {text}."
     k = 0 if reached.ratio > 1 else 1
     times = max(reached.ratio, 1 / reached.ratio)
-    return f"{at} take {names[k]}, {times:.3g} times as fast as {names[1 - k]}: {told}."
+    return f"{at} take {names[k]}, {times:.3g} times as fast as {names[1 - k]}: {text}."
 
 
 def _told(row: Row | None) -> str:

@@ -55,10 +55,10 @@ def files(paths: Iterable[str | PathLike[str]]) -> Iterator[Path]:
     """Model files as they are, folders as the model files in them. Raises ModelError where there is
     none."""
     for path in map(Path, paths):
-        found = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
-        if not found:
+        models = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
+        if not models:
             raise ModelError(f"{path} holds no model file")
-        yield from found
+        yield from models
 
 
 def extremes_table(
@@ -80,16 +80,16 @@ def judgements(
 ) -> Iterator[tuple[str, Callable[[], ExtremeRow]]]:
     """The name of every case (or of those called `case`), and a function that waits for its row, as
     `judged` gives or raises it. Several cases run side by side, in processes."""
-    found = [
+    result = [
         (path, model.name, number, entry.name)
         for path in files(paths)
         for model in [load(path)]
         for number, entry in enumerate(model.extremes)
         if case in (None, entry.name)
     ]
-    with engine(PROCESSES if len(found) > 1 else HERE) as by:
-        futures = [by.executor.submit(judged_case, path, k) for path, _, k, _ in found]
-        for (_, model, _, entry), future in zip(found, futures):
+    with engine(PROCESSES if len(result) > 1 else HERE) as by:
+        futures = [by.executor.submit(judged_case, path, k) for path, _, k, _ in result]
+        for (_, model, _, entry), future in zip(result, futures):
             yield f"{model}: {entry}", future.result
 
 
@@ -104,20 +104,20 @@ def judged(path: Path, model: Model, entry: Extreme) -> ExtremeRow:
     if entry.spoiled:
         return _spoiled(model, entry)
     try:
-        found = _run(path, entry)
+        run = _run(path, entry)
     except HamelError as error:
         if not entry.refused and isinstance(error, ModelError):
             raise
         return _refused(model, entry, error.diagnostics[0].message)
     wanted = _reference(model, entry)
-    error = _error(model, found, wanted.values)
+    error = _error(model, run, wanted.values)
     good = error <= (np.inf if entry.tolerance is None else entry.tolerance)
     fewest, scipy = _steps(path, model, entry, wanted.values) if good else (None, None)
     return ExtremeRow(
         model=model.name,
         case=entry.name,
         about=entry.about,
-        method=f"{found.choice}, {found.enforcement}, {found.integrator}{_precision(entry)}",
+        method=f"{run.choice}, {run.enforcement}, {run.integrator}{_precision(entry)}",
         outcome="survived" if good else "wrong",
         error=error,
         tolerance=entry.tolerance,
@@ -127,11 +127,11 @@ def judged(path: Path, model: Model, entry: Extreme) -> ExtremeRow:
         and not entry.refused
         and not (fewest and scipy and fewest > MOST_OF_RADAU * scipy),
         judged_by=wanted.by,
-        steps=found.steps,
-        seconds=found.seconds,
-        moved=max((abs(by["used"] - by["given"]) for by in found.moved.values()), default=0.0),
-        constraints=max(found.position_violation, found.velocity_violation),
-        energy=found.energy_balance,
+        steps=run.steps,
+        seconds=run.seconds,
+        moved=max((abs(by["used"] - by["given"]) for by in run.moved.values()), default=0.0),
+        constraints=max(run.position_violation, run.velocity_violation),
+        energy=run.energy_balance,
         fewest=fewest,
         scipy=scipy,
     )
@@ -161,9 +161,9 @@ def _steps(
 def _fewest(path: Path, model: Model, entry: Extreme, wanted: dict[str, float]) -> int | None:
     for rtol in (10.0**-k for k in range(2, 13)):
         with suppress(HamelError), np.errstate(all="ignore"):
-            found = _run(path, replace(entry, rtol=rtol))
-            if _error(model, found, wanted) <= (entry.tolerance or 0.0):
-                return found.steps
+            best = _run(path, replace(entry, rtol=rtol))
+            if _error(model, best, wanted) <= (entry.tolerance or 0.0):
+                return best.steps
     return None
 
 
@@ -242,16 +242,16 @@ def _reference(model: Model, entry: Extreme) -> Ended:
         try:
             plain = equations(system, choice)
             x = tuple(map(float, state_of(plain, start, np.array(p))))
-            found = solution(Problem(plain, x, u, p, tuple(given.initial)), [entry.time], DIGITS)
+            result = solution(Problem(plain, x, u, p, tuple(given.initial)), [entry.time], DIGITS)
         except (AssumptionError, NotAnalytic, Stopped) as error:
             problem = str(error)
             continue
-        if found.agreement <= AGREES:
+        if result.agreement <= AGREES:
             return Ended(
-                {name: float(value) for name, value in found.at(0).items()},
-                f"{found.steps} Taylor steps",
+                {name: float(value) for name, value in result.at(0).items()},
+                f"{result.steps} Taylor steps",
             )
-        problem = f"accelerations differ by {found.agreement:.0e} from the independent derivation"
+        problem = f"accelerations differ by {result.agreement:.0e} from the independent derivation"
     raise ModelError(
         f"{model.name}, case {entry.name}: nothing to judge it by: {problem}; "
         "give it an end: in closed form"

@@ -67,10 +67,10 @@ def _merit(row: Row) -> tuple[float, ...]:
 
 def families(rows: Sequence[Row], *names: str) -> dict[tuple[str, ...], list[Row]]:
     """Rows that have the same values of `names`, in the order of the first of each."""
-    found: dict[tuple[str, ...], list[Row]] = {}
+    groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        found.setdefault(tuple(str(row[name]) for name in names), []).append(row)
-    return found
+        groups.setdefault(tuple(str(row[name]) for name in names), []).append(row)
+    return groups
 
 
 def method(row: Row) -> str:

@@ -90,12 +90,12 @@ class Judge:
     def _distance(self, end: Sequence[float], wanted: Sequence[float]) -> float:
         """The largest difference relative to the scales; a quaternion and its negative are the
         same."""
-        found, target = np.array(end, dtype=float), np.array(wanted)
+        place, target = np.array(end, dtype=float), np.array(wanted)
         for i in self.system.quaternions:
             # both turn a body alike: the nearer of the two is compared
-            if found[i : i + 4] @ target[i : i + 4] < 0:
-                found[i : i + 4] *= -1
-        return float(np.max(np.abs(found - target) / self.scales, initial=0.0))
+            if place[i : i + 4] @ target[i : i + 4] < 0:
+                place[i : i + 4] *= -1
+        return float(np.max(np.abs(place - target) / self.scales, initial=0.0))
 
     def confirmed(
         self, made: Sequence[tuple[Unit, Mapping[str, Any], Mapping[str, Any]]]

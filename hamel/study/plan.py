@@ -152,7 +152,7 @@ def _choices(system: System, asked: Collection[str]) -> tuple[list[str], list[Ex
     """Those of the file and the kinds that fit any model, or those asked for; each once, whatever
     it is called."""
     rng = np.random.default_rng(0)
-    found: dict[str, np.ndarray] = {}
+    speeds: dict[str, np.ndarray] = {}
     excluded = []
     known = [
         *(choice.name for choice in system.model.choices),
@@ -167,28 +167,28 @@ def _choices(system: System, asked: Collection[str]) -> tuple[list[str], list[Ex
         same = next(
             (
                 other
-                for other, known in found.items()
+                for other, known in speeds.items()
                 if np.allclose(known, w, rtol=1e-9, atol=1e-12)
             ),
             None,
         )
         if same is None:
-            found[name] = w
+            speeds[name] = w
         else:
             excluded.append(Excluded(DEFAULT, name, "", "", f"the same quasi-velocities as {same}"))
-    return [*found], excluded
+    return [*speeds], excluded
 
 
 def _speeds(system: System, equations: Equations, rng: np.random.Generator) -> np.ndarray:
     """w = B v at states that any other choice is shown too."""
     function = equations.function("state")
     assert function.x is not None
-    made = ca.Function(
+    result = ca.Function(
         "w", [system.t, function.x.symbols, system.own_p], [ca.densify(function.result.value)]
     )
     s, own = survey_of(system).sampled, len(system.own_parameters)
     rows = [
-        np.asarray(made(t, np.concatenate([q, v, p[own:]]), p[:own])).ravel()
+        np.asarray(result(t, np.concatenate([q, v, p[own:]]), p[:own])).ravel()
         for t, q, v, p in zip(s.t[:3], s.q, s.v, s.p)
     ]
     return np.array(rows)[:, equations.speeds]

@@ -88,10 +88,10 @@ def row(
     begin, module, times = start(path, values), loaded(folder), np.array([span])
     try:
         ms, motion = timed(lambda: _simulated(module, begin, times, run, span, limit), share)
-        told = _simulated(module, begin, times, run, span, limit, error=True)
+        record = _simulated(module, begin, times, run, span, limit, error=True)
     except Unfinished as end:
         return {"status": end.cause, "stopped": end.reached}
-    estimate = told.error[-1, : begin.system.q.numel()]
+    estimate = record.error[-1, : begin.system.q.numel()]
     return judged(module, begin, span, ms, motion) | {"estimate": _finite(estimate)}
 
 

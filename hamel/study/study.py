@@ -174,15 +174,15 @@ def _reference(so_far: Progress, units: Sequence[Unit]) -> Reference:
     plain = [unit for unit in units if not unit.own]
     others = [unit for unit in plain if not unit.choice]
     own = [unit for unit in plain if unit.choice]
-    found: list[tuple[str, dict[str, Any]]] = []
+    references: list[tuple[str, dict[str, Any]]] = []
     for first, second in TIGHT:
-        found = _first_exact(so_far, own or others, *first)
-        used = [unit for unit in plain if found and found[0][0].startswith(_title(unit))]
+        references = _first_exact(so_far, own or others, *first)
+        used = [unit for unit in plain if references and references[0][0].startswith(_title(unit))]
         rest = [unit for unit in (*others, *own) if unit not in used]
-        found += _first_exact(so_far, rest or plain, *second)
-        if len(found) == 2:
+        references += _first_exact(so_far, rest or plain, *second)
+        if len(references) == 2:
             break
-    return agreed(found)
+    return agreed(references)
 
 
 def _first_exact(
@@ -190,9 +190,9 @@ def _first_exact(
 ) -> list[tuple[str, dict[str, Any]]]:
     """The first unit's run that comes to its end."""
     for unit in units:
-        found = _exact(so_far, [unit], integrator, rtol)
-        if found:
-            return found
+        exact = _exact(so_far, [unit], integrator, rtol)
+        if exact:
+            return exact
     return []
 
 
@@ -324,7 +324,7 @@ def _put(so_far: Progress, outcome: Outcome, limit: float) -> int:
 
 
 def _collected(so_far: Progress, wanted: Wanted) -> Made:
-    made: Made = []
+    results: Made = []
     late: dict[Unit, int] = {}
     for unit, run in wanted:
         row = so_far.results.get(_name(unit, run["key"]))
@@ -332,12 +332,12 @@ def _collected(so_far: Progress, wanted: Wanted) -> Made:
             late[unit] = late.get(unit, 0) + 1
             continue
         operations = so_far.results[_name(unit, "built")]["operations"]
-        made.append((unit, run, {**row, "operations": operations}))
+        results.append((unit, run, {**row, "operations": operations}))
     for unit, count in late.items():
         budget = f"the {so_far.asked.budget:g} s for this model were used up"
         reason = f"{count} runs not done: {budget}; the same command goes on"
         so_far.excluded.append(Excluded(unit.formulation, unit.choice, unit.own, "", reason))
-    return made
+    return results
 
 
 def _library_rows(so_far: Progress, units: Sequence[Unit]) -> Made:

@@ -43,12 +43,12 @@ def packed(
     texts = dict(emit(program))
     states = shipped(equations, {kernel.name for kernel in program.kernels}, 0)
     texts[VERIFICATION] = json.dumps({"functions": states})
-    with compiled(program.name, texts) as made:
-        if made.message:
-            warnings.warn(made.message, RuntimeWarning, stacklevel=3)
-        binaries = {name: data for name, data in made.files.items() if name not in texts}
+    with compiled(program.name, texts) as folder:
+        if folder.message:
+            warnings.warn(folder.message, RuntimeWarning, stacklevel=3)
+        binaries = {name: data for name, data in folder.files.items() if name not in texts}
         key = store.digest(*(part for name in sorted(texts) for part in (name, texts[name])))
-        yield Artefact(program.name, key, texts, binaries), made.module
+        yield Artefact(program.name, key, texts, binaries), folder.module
 
 
 def unpacked(artefact: Artefact) -> tuple[ModuleType, str]:
@@ -69,9 +69,9 @@ def unpacked(artefact: Artefact) -> tuple[ModuleType, str]:
         if module.backend != "numpy":
             _check(folder, module)
             return module, ""
-    with compiled(artefact.name, artefact.texts) as made:
-        _check(Path(str(made.module.__file__)).parent, made.module)
-        return made.module, made.message or "compiled from its sources"
+    with compiled(artefact.name, artefact.texts) as result:
+        _check(Path(str(result.module.__file__)).parent, result.module)
+        return result.module, result.message or "compiled from its sources"
 
 
 def _check(folder: Path, module: ModuleType) -> None:

@@ -120,17 +120,17 @@ class Design:
     def values(self, first: int, last: int) -> dict[str, np.ndarray]:
         """The numbers that vary, by name, of motions first to last − 1."""
         places = list(np.unravel_index(np.arange(first, last), self.shape))[len(self.methods) :]
-        found: dict[str, np.ndarray] = {}
+        values: dict[str, np.ndarray] = {}
         for axis, place in zip(self.grids, places):
-            found[axis.name] = np.array(axis.values, dtype=float)[place]
+            values[axis.name] = np.array(axis.values, dtype=float)[place]
         for table, place in zip(self.tables, places[len(self.grids) :]):
             for name, column in zip(table.names, table.columns):
-                found[name] = np.array(column)[place]
+                values[name] = np.array(column)[place]
         if self.distributions:
             u = self.draws(places[-1])
             for k, each in enumerate(self.distributions):
-                found[each.name] = each.quantile(u[:, k])
-        return found
+                values[each.name] = each.quantile(u[:, k])
+        return values
 
     def draws(self, samples: np.ndarray) -> np.ndarray:
         """Numbers between 0 and 1 of these samples, a column for each distribution."""
@@ -174,8 +174,8 @@ def _sobol(seed: int, width: int, low: int, high: int) -> np.ndarray:
         engine.fast_forward(low)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # a part of the sequence is not balanced
-        found = engine.random(high - low)
-    return np.clip(found, 2.0**-54, 1.0 - 2.0**-53)
+        points = engine.random(high - low)
+    return np.clip(points, 2.0**-54, 1.0 - 2.0**-53)
 
 
 @lru_cache(maxsize=2)
@@ -189,10 +189,10 @@ def _whole(kind: str, seed: int, width: int, samples: int) -> np.ndarray:
             .random(samples)
         )
     sobol = library("SALib.sample.sobol", "a design for Sobol indices")
-    found = sobol.sample(
+    points = sobol.sample(
         problem(width), samples // (width + 2), calc_second_order=False, seed=seed % 2**32
     )
-    return np.clip(found, 2.0**-54, 1.0 - 2.0**-53)
+    return np.clip(points, 2.0**-54, 1.0 - 2.0**-53)
 
 
 def problem(width: int, names: Sequence[str] = ()) -> dict[str, Any]:
@@ -262,10 +262,10 @@ def design(
     for name, given in vary.items():
         if name in METHODS:
             methods.append(_methods(name, given))
-        elif isinstance(given, str) and (found := _distribution(name, given, value)):
-            drawn.append(found)
-        elif isinstance(given, str) and (found := _column(given)):
-            columns.setdefault(found[0], {})[name] = found[1]
+        elif isinstance(given, str) and (distribution := _distribution(name, given, value)):
+            drawn.append(distribution)
+        elif isinstance(given, str) and (distribution := _column(given)):
+            columns.setdefault(distribution[0], {})[name] = distribution[1]
         else:
             grids.append(_grid(name, given, value))
     tables = [_table(file, names) for file, names in columns.items()]
@@ -277,7 +277,7 @@ def design(
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:
         raise ModelError(f"'{twice}' varies twice")
-    made = Design(
+    result = Design(
         tuple(methods),
         tuple(grids),
         tuple(tables),
@@ -286,9 +286,9 @@ def design(
         sampling.kind,
         sampling.seed,
     )
-    if made.size > MOST:
-        raise ModelError(f"{made.size:.3g} motions are asked for", f"at most {MOST:.0e}")
-    return made
+    if result.size > MOST:
+        raise ModelError(f"{result.size:.3g} motions are asked for", f"at most {MOST:.0e}")
+    return result
 
 
 def _samples(sampling: Sampling, width: int) -> int:
@@ -326,15 +326,15 @@ def _methods(name: str, given: Any) -> Grid:
 
 
 def _distribution(name: str, text: str, value: Value) -> Distribution | None:
-    found = _CALL.fullmatch(text.strip())
-    if not found or found[1] not in _ARGUMENTS:
-        if found and "," in found[2]:
-            near = did_you_mean(found[1], _ARGUMENTS) or f"known: {listed(_ARGUMENTS)}"
+    match = _CALL.fullmatch(text.strip())
+    if not match or match[1] not in _ARGUMENTS:
+        if match and "," in match[2]:
+            near = did_you_mean(match[1], _ARGUMENTS) or f"known: {listed(_ARGUMENTS)}"
             raise ModelError(
-                f"{name} varies as '{text}', but '{found[1]}' is no distribution; {near}"
+                f"{name} varies as '{text}', but '{match[1]}' is no distribution; {near}"
             )
         return None
-    kind, parts = found[1], [part.strip() for part in found[2].split(",")]
+    kind, parts = match[1], [part.strip() for part in match[2].split(",")]
     if len(parts) not in _COUNTS[kind]:
         raise ModelError(f"{name} varies as '{text}'", _ARGUMENTS[kind])
     numbers = tuple(value(name, part) for part in parts)
@@ -408,9 +408,9 @@ def _table(file: str, names: Mapping[str, str]) -> Table:
         if column not in known:
             near = did_you_mean(column, known) or f"it has {listed(known)}"
             raise ModelError(f"{file} has no column '{column}' for {name}; {near}")
-    found = tuple(tuple(map(float, known[column])) for column in wanted.values())
-    if not found or not found[0]:
+    columns = tuple(tuple(map(float, known[column])) for column in wanted.values())
+    if not columns or not columns[0]:
         raise ModelError(f"{file} has no rows")
-    if len(found) * len(found[0]) > WHOLE:
+    if len(columns) * len(columns[0]) > WHOLE:
         raise ModelError(f"{file} has more than {WHOLE} numbers")
-    return Table(Path(file).name, tuple(wanted), found)
+    return Table(Path(file).name, tuple(wanted), columns)

@@ -138,8 +138,8 @@ class Run:
         assert each.formula is not None
         rows = slice(None) if each.whole else self._place(each)
         names = self.work.parameters
-        found = evaluated(each.formula, names, lambda name: self.values(name)[:, rows])
-        values = np.broadcast_to(found, self.t[:, rows].shape)
+        column = evaluated(each.formula, names, lambda name: self.values(name)[:, rows])
+        values = np.broadcast_to(column, self.t[:, rows].shape)
         return _OVER[each.how](self.t[:, rows], values)
 
     def _place(self, each: Kept) -> slice:
@@ -186,8 +186,8 @@ class Run:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             call = getattr(self.module, function)
-            found = call(self.t, self.x, self._inputs(), self.p[:, None, :])
-        self.known[function] = np.asarray(found, dtype=float)
+            result = call(self.t, self.x, self._inputs(), self.p[:, None, :])
+        self.known[function] = np.asarray(result, dtype=float)
         return self.known[function]
 
     def _event(self, each: Kept) -> np.ndarray:
@@ -216,7 +216,7 @@ def _run(work: Motions, module: ModuleType, x: np.ndarray, u: np.ndarray, p: np.
     events: Any = None if module.event_names else False
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # statuses say it, motion by motion
-        found = module.simulate(
+        motion = module.simulate(
             (work.times[0], work.times[-1]),
             x,
             _fed(work, module, u),
@@ -231,17 +231,17 @@ def _run(work: Motions, module: ModuleType, x: np.ndarray, u: np.ndarray, p: np.
             events=events,
             error=work.error,
         )
-    rows = found.x.shape[-2]
+    rows = motion.x.shape[-2]
     t = np.tile(work.times[:rows], (len(x), 1))
-    filled = np.array(found.x, dtype=float)
-    worked = np.array(found.work, dtype=float)
-    for k in np.flatnonzero(np.asarray(found.status) == Status.EVENT):
-        last = int(np.flatnonzero(found.events.row == k)[-1])
-        behind = t[k] > found.events.t[last]
-        t[k, behind], filled[k, behind] = found.events.t[last], found.events.x[last]
+    filled = np.array(motion.x, dtype=float)
+    worked = np.array(motion.work, dtype=float)
+    for k in np.flatnonzero(np.asarray(motion.status) == Status.EVENT):
+        last = int(np.flatnonzero(motion.events.row == k)[-1])
+        behind = t[k] > motion.events.t[last]
+        t[k, behind], filled[k, behind] = motion.events.t[last], motion.events.x[last]
         before = worked[k, ~behind]
         worked[k, behind] = before[-1] if len(before) else 0.0
-    return Run(work, module, replace(found, work=worked), t, filled, u, p)
+    return Run(work, module, replace(motion, work=worked), t, filled, u, p)
 
 
 def _fed(work: Motions, module: ModuleType, u: np.ndarray) -> Any:

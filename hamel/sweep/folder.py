@@ -36,20 +36,20 @@ def alive(number: str) -> bool:
 
 def _replace(place: Path, content: bytes) -> None:
     """A file that is there as a whole or not at all, also after a power cut."""
-    made = place.with_name(f".{place.name}.{os.getpid()}")
+    draft = place.with_name(f".{place.name}.{os.getpid()}")
     try:
         try:
-            file = made.open("wb")
+            file = draft.open("wb")
         except FileNotFoundError:
             place.parent.mkdir(parents=True, exist_ok=True)
-            file = made.open("wb")
+            file = draft.open("wb")
         with file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        made.replace(place)
+        draft.replace(place)
     except BaseException:
-        made.unlink(missing_ok=True)
+        draft.unlink(missing_ok=True)
         raise
 
 
@@ -90,8 +90,8 @@ class Folder:
             with writing(Path(self.root) / name, "another folder"):
                 _replace(Path(self.root) / name, content)
         except ToolchainError as error:
-            found = error.diagnostics[0]
-            raise ToolchainError(f"{found.message}; {found.hint}", RESUME) from error
+            diagnostic = error.diagnostics[0]
+            raise ToolchainError(f"{diagnostic.message}; {diagnostic.hint}", RESUME) from error
 
     def remove(self, name: str) -> None:
         """A file that another one stands for."""
@@ -104,10 +104,10 @@ class Folder:
         """The files in a folder of it."""
         if self.remote is not None:
             try:
-                found = self.remote.ls(f"{self.root}/{below}", detail=False)
+                names = self.remote.ls(f"{self.root}/{below}", detail=False)
             except FileNotFoundError:
                 return []
-            return sorted(str(name).rpartition("/")[2] for name in found)
+            return sorted(str(name).rpartition("/")[2] for name in names)
         place = Path(self.root) / below
         return sorted(entry.name for entry in os.scandir(place)) if place.is_dir() else []
 
@@ -124,8 +124,8 @@ class Folder:
         """Begin the sweep here, or go on with it. Raises ToolchainError where another one is."""
         self._sweep()
         text = json.dumps(plan, indent=1, sort_keys=True) + "\n"
-        found = self.read(PLAN)
-        if found is None:
+        result = self.read(PLAN)
+        if result is None:
             if any(self.names(part) for part in ("", CHUNKS)):
                 raise ToolchainError(
                     f"{self.place} holds files that are of no sweep",
@@ -134,7 +134,7 @@ class Folder:
             self.write(PLAN, text.encode())
             return
         try:
-            there = json.loads(found)
+            there = json.loads(result)
         except ValueError:
             raise ModelError(f"{self.place}/{PLAN} is no description of a sweep") from None
         here = json.loads(text)
@@ -151,12 +151,12 @@ class Folder:
 
     def done(self) -> frozenset[int]:
         """The chunks that need not be made again."""
-        found = {int(name[:9]) for name in self.names(CHUNKS) if self._is_chunk(name)}
+        numbers = {int(name[:9]) for name in self.names(CHUNKS) if self._is_chunk(name)}
         for name in self.names(GROUPS):
             if name.endswith(".json") and name[:9].isdecimal():
                 first = int(name[:9]) * GROUP
-                found.update(range(first, first + GROUP))
-        return frozenset(found)
+                numbers.update(range(first, first + GROUP))
+        return frozenset(numbers)
 
     def _is_chunk(self, name: str) -> bool:
         return (
@@ -178,8 +178,8 @@ class Folder:
         content = self.read(self.chunk_name(number))
         if content is None:
             raise ToolchainError(f"{self.place}: chunk {number} is gone", RESUME)
-        found: Held = json.loads(content)
-        return found
+        held: Held = json.loads(content)
+        return held
 
     def summaries(self, size: int, of_rows: Callable[[bytes], Held]) -> Iterator[Held]:
         """Of all groups, in their order."""

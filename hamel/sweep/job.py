@@ -83,6 +83,6 @@ def payload(job: Job) -> tuple[str, bytes]:
 def of_payload(data: bytes) -> Job:
     """The job. Only what a client of the same cluster sent is ever unpickled, as everything is
     that dask moves."""
-    found = pickle.loads(zlib.decompress(data))
-    assert isinstance(found, Job)
-    return found
+    job = pickle.loads(zlib.decompress(data))
+    assert isinstance(job, Job)
+    return job

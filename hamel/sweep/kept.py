@@ -65,20 +65,20 @@ class Names:
 
 def kept(texts: Collection[str], names: Names) -> tuple[Kept, ...]:
     """The columns that were asked for. Raises ModelError with the text that is wrong."""
-    found: list[Kept] = []
+    quantities: list[Kept] = []
     for text in texts:
-        found += _kept(text, names)
-    labels = [each.label for each in found]
+        quantities += _kept(text, names)
+    labels = [each.label for each in quantities]
     twice = next((label for label in labels if labels.count(label) > 1), None)
     if twice:
         raise ModelError(f"'{twice}' is kept twice", f"give one another name: other = {twice}")
-    modes = [each.how == "mode" for each in found]
+    modes = [each.how == "mode" for each in quantities]
     if any(modes) and not all(modes):
         raise ModelError(
             f"{listed(OF_MODES)} are of a steady motion, the other names of one that is integrated",
             "two sweeps",
         )
-    return tuple(found)
+    return tuple(quantities)
 
 
 def _kept(text: str, names: Names) -> list[Kept]:
@@ -112,8 +112,8 @@ def _one(what: str, names: Names) -> Kept:
 
 def _seconds(what: str, text: str) -> float:
     try:
-        found = value(expression(text.strip()), {}, {}, {})
-        return float(found)
+        seconds = value(expression(text.strip()), {}, {}, {})
+        return float(seconds)
     except (FormulaError, TypeError, KeyError, ValueError):
         raise ModelError(f"'{what}' is kept, but '{text.strip()}' is no time") from None
 
@@ -138,7 +138,7 @@ def _formula(text: str, names: Names, how: str) -> Kept:
         dimension = infer(parsed, known, text)
     except FormulaError as error:
         raise ModelError(
-            [replace(found, file=f"kept '{text}'") for found in error.diagnostics]
+            [replace(diagnostic, file=f"kept '{text}'") for diagnostic in error.diagnostics]
         ) from None
     unit = pretty(dimension) if isinstance(dimension, tuple) else ""
     own = names.units.get(text)

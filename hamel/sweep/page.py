@@ -58,10 +58,10 @@ def _section(
 ) -> dict[str, Any]:
     of = of_json(known["columns"][each.name])
     unit = f" ({each.unit})" if each.unit else ""
-    found = record.sensitivities.get(each.name)
+    indices = record.sensitivities.get(each.name)
     order = (
-        sorted(zip(found["names"], found["first"], found["total"]), key=lambda x: -x[2])
-        if found
+        sorted(zip(indices["names"], indices["first"], indices["total"]), key=lambda x: -x[2])
+        if indices
         else ()
     )
     figures = [*_over_grids(plan, each, columns), _distribution(each, of)]

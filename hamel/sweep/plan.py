@@ -92,27 +92,34 @@ def planned(path: str | PathLike[str], asked: Asked) -> Plan:
     columns = kept(asked.keep, known)
     if not columns:
         raise ModelError("nothing is kept", "a name or formula, such as --keep state")
-    made = design(asked.vary, asked.files, asked.sampling, _values(path, system, asked, of_modes))
-    _check_names(system, asked, made, of_modes)
-    columns = tuple(_told_apart(each, made.names) for each in columns)
+    result = design(asked.vary, asked.files, asked.sampling, _values(path, system, asked, of_modes))
+    _check_names(system, asked, result, of_modes)
+    columns = tuple(_told_apart(each, result.names) for each in columns)
     chunk = asked.chunk or (POINTS if of_modes else MOTIONS)
     if chunk < 1:
         raise ModelError(f"chunks of {chunk} motions", "one or more")
-    count = math.prod(axis.size for axis in made.methods)
+    count = math.prod(axis.size for axis in result.methods)
     if count > MOST_METHODS:
         raise ModelError(f"{count} methods are swept over", f"at most {MOST_METHODS}")
     jobs = []
     for number in range(count):
-        method = _method(asked.method, made.method(number))
+        method = _method(asked.method, result.method(number))
         if of_modes:
-            work: Motions | Modes = _modes(model, asked, made, method)
+            work: Motions | Modes = _modes(model, asked, result, method)
         else:
-            work = _motions(path, asked, method, made, columns, known)
+            work = _motions(path, asked, method, result, columns, known)
         rows = not asked.reduce
-        jobs.append(Job(hamel.__version__, made, number, columns, chunk, rows, work))
+        jobs.append(Job(hamel.__version__, result, number, columns, chunk, rows, work))
     every = {**known.units, **units(model)}
     return Plan(
-        model, asked, made, columns, chunk, tuple(jobs), _about(model, asked, made, chunk), every
+        model,
+        asked,
+        result,
+        columns,
+        chunk,
+        tuple(jobs),
+        _about(model, asked, result, chunk),
+        every,
     )
 
 
@@ -293,9 +300,9 @@ def _motions(
 
 def _entries(output: Any, letters: str, system: System) -> list[str]:
     """The names of an output's entries in y; those of reactions cannot be named."""
-    found = components(output.name, output.expression, letters)
-    if found:
-        return found
+    parts = components(output.name, output.expression, letters)
+    if parts:
+        return parts
     size = next(value.numel() for name, value, _ in system.outputs if name == output.name)
     return [f"{output.name}[{k}]" for k in range(size)]
 

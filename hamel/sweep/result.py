@@ -21,9 +21,9 @@ def held_of_rows(plan: Plan) -> Callable[[bytes], Held]:
     """What is known of a file of rows."""
 
     def held(content: bytes) -> Held:
-        found = columns_in(content)
-        kept = {each.label: found[each.label] for each in plan.kept}
-        return summary_of(int(found["motion"][0]), kept, found["status"], 0)
+        columns = columns_in(content)
+        quantities = {each.label: columns[each.label] for each in plan.kept}
+        return summary_of(int(columns["motion"][0]), quantities, columns["status"], 0)
 
     return held
 
@@ -52,7 +52,7 @@ def dataset(plan: Plan, folder: Folder) -> Any:
     xarray = library("xarray", "to_xarray()")
     if plan.asked.reduce:
         raise ToolchainError("the sweep kept no rows", "the same sweep without --reduce")
-    found, design = rows(plan, folder), plan.design
+    columns, design = rows(plan, folder), plan.design
     dims = design.dimensions if design.samples > 1 else design.dimensions[:-1]
     shape = design.shape if design.samples > 1 else design.shape[:-1]
     if not dims:
@@ -63,7 +63,7 @@ def dataset(plan: Plan, folder: Folder) -> Any:
     drawn = [n for n in design.names if n not in coordinates]
     names = [*drawn, *(each.label for each in plan.kept), "status"]
     variables = {
-        name: (dims, found[name].reshape(shape), {"units": units.get(name, "")}) for name in names
+        name: (dims, columns[name].reshape(shape), {"units": units.get(name, "")}) for name in names
     }
     about = {"model": plan.model.name, "motions": design.size, "hamel": plan.jobs[0].version}
     return xarray.Dataset(variables, coordinates, about)
@@ -76,20 +76,20 @@ def sensitivities(plan: Plan, folder: Folder) -> dict[str, Any]:
     if design.kind != "saltelli" or design.size != design.samples or plan.asked.reduce:
         return {}
     sobol = library("SALib.analyze.sobol", "Sobol indices")
-    found = rows(plan, folder)
+    columns = rows(plan, folder)
     names = [each.name for each in design.distributions]
-    made = {}
+    result = {}
     for each in plan.kept:
-        values = found[each.label]
+        values = columns[each.label]
         if not np.isfinite(values).all() or np.ptp(values) == 0:
             continue
         about = problem(len(names), names)
         indices = sobol.analyze(about, values, calc_second_order=False, seed=0)
-        made[each.label] = {
+        result[each.label] = {
             "names": names,
             "first": indices["S1"].tolist(),
             "first_confidence": indices["S1_conf"].tolist(),
             "total": indices["ST"].tolist(),
             "total_confidence": indices["ST_conf"].tolist(),
         }
-    return made
+    return result

@@ -61,10 +61,10 @@ def work(task: Task) -> Answer:
             f"a worker has hamel {hamel.__version__}, and the sweep was started by {task.version}",
             "the same version on all machines",
         )
-    found = prepared(task)
-    if found is None:
+    result = prepared(task)
+    if result is None:
         return Answer(missing=True)
-    job, module, note = found
+    job, module, note = result
     chunk = made(job, module, task.number)
     content = rows_file(chunk) if job.rows else summary_file(chunk)
     failed = np.flatnonzero(~np.isin(chunk.status, GOOD))

@@ -47,13 +47,13 @@ def run(path: str | PathLike[str], time: bool, plot: Path | None, until: float) 
     reason = misfits(mechanics)["quasi_velocities"]
     if reason:
         raise AssumptionError(f"{model.name}: {reason}")
-    found = comparison(mechanics)
-    names = [x.ranking.name for x in found.assessed]
+    result = comparison(mechanics)
+    names = [x.ranking.name for x in result.assessed]
     times = _times(path, names) if time else [None] * len(names)
-    ranked = tuple(_ranking(x, ns) for x, ns in zip(found.assessed, times))
+    ranked = tuple(_ranking(x, ns) for x, ns in zip(result.assessed, times))
     if plot is not None:
         _draw(path, mechanics, [x.name for x in ranked][:DRAWN], plot, until)
-    return Choices(model.name, model.choices[0].name, ranked, found.refused, plot)
+    return Choices(model.name, model.choices[0].name, ranked, result.refused, plot)
 
 
 def _ranking(x: Assessed, ns: float | None) -> Ranking:
@@ -79,9 +79,9 @@ def measured_in(path: str | PathLike[str], choice: str) -> float:
 
 def measured(mechanics: System, choice: str) -> float:
     """ns per state of `dynamics` over a batch, the best of several calls."""
-    found = equations(mechanics, choice)
+    result = equations(mechanics, choice)
     sampled = states(mechanics, 20)
-    with temporary_module(found, functions=("dynamics", "state")) as module:
+    with temporary_module(result, functions=("dynamics", "state")) as module:
         p, z = np.split(sampled.p, [len(mechanics.own_parameters)], axis=1)
         qv = np.hstack([sampled.q, sampled.v, z])
         rows = np.resize(np.arange(len(sampled.t)), BATCH)

@@ -41,13 +41,13 @@ def show(record: Extremes, console: Console) -> None:
     """A row per case and method, the count of outcomes, and initial values that had to move."""
     rows = []
     for row in record.rows:
-        told = row.status if row.error is None else f"error {number(row.error)}"
-        told += (
+        text = row.status if row.error is None else f"error {number(row.error)}"
+        text += (
             f"; {row.fewest} steps, SciPy's Radau {row.scipy}" if row.fewest and row.scipy else ""
         )
         mark = "" if row.passed else f"  NOT EXPECTED ({row.expected})"
         rows.append(
-            (f"{row.model}: {row.case}", row.method, row.outcome + mark, told, row.judged_by)
+            (f"{row.model}: {row.case}", row.method, row.outcome + mark, text, row.judged_by)
         )
     table(console, ("case", "method", "outcome", "", "judged by"), rows)
     console.print(

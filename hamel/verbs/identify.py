@@ -35,17 +35,19 @@ SOLVER = "clarabel"
 def base(path: str | PathLike[str], choice: str | None) -> BaseParameters:
     """Which sums of standard parameters the motion of a model can tell."""
     equations = _equations(path, choice)
-    found = base_parameters(equations)
+    result = base_parameters(equations)
     own = own_values(equations)
-    values = found.combination @ own
+    values = result.combination @ own
     return BaseParameters(
         model=equations.system.model.name,
-        standard=len(found.standard),
-        by_structure=found.by_structure,
-        base=tuple(_parameter(found, k, file=float(values[k])) for k in range(len(found.leading))),
-        without_effect=found.without_effect,
-        least_kept=found.kept,
-        largest_dropped=found.dropped,
+        standard=len(result.standard),
+        by_structure=result.by_structure,
+        base=tuple(
+            _parameter(result, k, file=float(values[k])) for k in range(len(result.leading))
+        ),
+        without_effect=result.without_effect,
+        least_kept=result.kept,
+        largest_dropped=result.dropped,
     )
 
 
@@ -82,14 +84,14 @@ def run(
     equations = _equations(path, choice)
     if cutoff is not None and not 0.0 < cutoff < math.inf:
         raise ModelError(f"the cutoff is {cutoff}", "a frequency in Hz")
-    found = fit(equations, data, cutoff, check, solver)
-    record = _record(found, data, check, out, html)
+    result = fit(equations, data, cutoff, check, solver)
+    record = _record(result, data, check, out, html)
     if out is not None:
-        assert found.consistent is not None  # with a solver there are some
-        text = identified(path, equations.system, found.base.standard, found.consistent)
+        assert result.consistent is not None  # with a solver there are some
+        text = identified(path, equations.system, result.base.standard, result.consistent)
         write_text(Path(out), text)
     if html is not None:
-        write_text(Path(html), page(found, record))
+        write_text(Path(html), page(result, record))
     return record
 
 
@@ -159,10 +161,10 @@ def excite(
         if not 0.0 < value < math.inf:
             raise ModelError(f"{name} is {value}", "more than zero")
     equations = _equations(path, None)
-    found = base_parameters(equations)
+    result = base_parameters(equations)
     start = nominal(equations.system)
     series, condition = excitation(
-        equations, found, start, period, harmonics, math.inf if speed is None else speed
+        equations, result, start, period, harmonics, math.inf if speed is None else speed
     )
     names = [c.name for c in equations.system.model.coordinates]
     t = np.arange(0.0, period, 1.0 / rate)
@@ -173,7 +175,7 @@ def excite(
     ]
     write_text(Path(out), "\n".join(lines) + "\n")
     return Excitation(
-        equations.system.model.name, Path(out), period, harmonics, condition, len(found.leading),
+        equations.system.model.name, Path(out), period, harmonics, condition, len(result.leading),
         tuple(map(float, series.middle)), series.a.tolist(), series.b.tolist(),
     )  # fmt: skip
 

@@ -27,19 +27,19 @@ def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Im
         raise ModelError(
             f"{path} would be overwritten by its own model", "give another file with -o"
         )
-    found = imported(path, floating)
+    robot = imported(path, floating)
     if file:
-        write_text(file, found.text)
+        write_text(file, robot.text)
     return Imported(
-        model=found.model.name,
-        kind=found.kind,
+        model=robot.model.name,
+        kind=robot.kind,
         file=file,
-        bodies=len(found.model.bodies),
-        joints=found.joints,
-        velocities=len(found.model.velocities),
-        changed=(*found.changed, *found.assumed),
-        left_out=found.left_out,
-        text=found.text,
+        bodies=len(robot.model.bodies),
+        joints=robot.joints,
+        velocities=len(robot.model.velocities),
+        changed=(*robot.changed, *robot.assumed),
+        left_out=robot.left_out,
+        text=robot.text,
     )
 
 

@@ -72,21 +72,21 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
             for r in wanted
             if r.name in motion.sweepable
         }
-        found = study(
+        result = study(
             equations, motion, middles | values(model, motion, options.given), options.cyclic
         )
     with clock("sweep"):
-        made = swept(found, wanted)
+        outcome = swept(result, wanted)
     if step is not None and not 0 < step < math.inf:
         raise ModelError(f"a step of {step} s", "a time that is more than zero")
-    record = _record(found, made, clock)
+    record = _record(result, outcome, clock)
     if step is not None:
-        record = replace(record, step=step, **_sampled(found, step))
+        record = replace(record, step=step, **_sampled(result, step))
     if out is None:
         return record
     place = Path(out) if Path(out).suffix.lower() == ".html" else Path(out) / PAGE
     with clock("page"):
-        write_text(place, page(found, made, wanted, record))
+        write_text(place, page(result, outcome, wanted, record))
     return replace(record, page=place)
 
 

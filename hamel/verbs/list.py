@@ -115,12 +115,12 @@ def _choices(model: Model) -> Iterator[Known]:
 def _functions(model: Model) -> dict[str, Iterable[Known]]:
     """The functions of the generated module, by the model's first choice, and those that are
     emitted when asked for by name."""
-    found = with_linearization(equations(mechanics_of(model)))
+    result = with_linearization(equations(mechanics_of(model)))
     return {
-        "functions": (Known(f.name, f.about) for f in found.functions if f.result.size),
-        "functions on request": (Known(request.name, request.about) for request in found.requests),
+        "functions": (Known(f.name, f.about) for f in result.functions if f.result.size),
+        "functions on request": (Known(request.name, request.about) for request in result.requests),
         "frame functions": (
-            Known(f"{family.name}_FRAME", family.about) for family in found.families
+            Known(f"{family.name}_FRAME", family.about) for family in result.families
         ),
     }
 

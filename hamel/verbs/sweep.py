@@ -54,10 +54,10 @@ def run(path: str | PathLike[str], asked: Asked, by: Running) -> Swept:
     place = str(by.out) if by.out else os.path.join("sweep", plan.model.name)
     folder = Folder(place, not asked.reduce)
     folder.enter(dict(plan.about))
-    told = by.progress or (lambda progress: None)
-    with engine(by.scheduler, by.workers) as found:
+    report = by.progress or (lambda progress: None)
+    with engine(by.scheduler, by.workers) as result:
         start = time.perf_counter()
-        progress = driven(plan, found, folder, int(by.failures * plan.design.size), told)
+        progress = driven(plan, result, folder, int(by.failures * plan.design.size), report)
         took = time.perf_counter() - start
     known = all_of(list(folder.summaries(plan.chunks, held_of_rows(plan))))
     made_now = progress.chunks * plan.chunk
@@ -71,7 +71,7 @@ def run(path: str | PathLike[str], asked: Asked, by: Running) -> Swept:
         moved=int(known["moved"]),
         kept=_columns(plan, known),
         sensitivities=sensitivities(plan, folder),
-        engine=found.about,
+        engine=result.about,
         made=progress.chunks,
         chunks=plan.chunks,
         lost=progress.lost,
@@ -87,16 +87,16 @@ def run(path: str | PathLike[str], asked: Asked, by: Running) -> Swept:
 
 
 def _columns(plan: Plan, known: Held) -> tuple[KeptColumn, ...]:
-    found = []
+    columns = []
     for each in plan.kept:
         of = of_json(known["columns"][each.label])
         quantiles = dict(zip(map(str, QUANTILES), of.quantiles(QUANTILES)))
         mean = of.mean if of.count else math.nan
         ends = (of.lowest, of.highest)
-        found.append(
+        columns.append(
             KeptColumn(each.label, each.unit, of.count, mean, of.deviation, quantiles, *ends)
         )
-    return tuple(found)
+    return tuple(columns)
 
 
 def _commands(path: str | PathLike[str], plan: Plan, known: Held) -> dict[str, str]:
@@ -150,8 +150,10 @@ def show(record: Swept, console: Console) -> None:
     ]
     head = ("kept", "mean", "deviation", "lowest", "highest", "5 %", "median", "95 %")
     table(console, head, rows, right=range(1, len(head)))
-    for name, found in record.sensitivities.items():
-        order = sorted(zip(found["names"], found["first"], found["total"]), key=lambda x: -x[2])
+    for name, indices in record.sensitivities.items():
+        order = sorted(
+            zip(indices["names"], indices["first"], indices["total"]), key=lambda x: -x[2]
+        )
         shown = ", ".join(f"{n} {number(f)} (total {number(t)})" for n, f, t in order)
         console.print(f"Sobol indices of {name}: {shown}")
     if record.moved:

@@ -174,12 +174,12 @@ def _published(equations: Equations) -> list[CheckLine]:
         return []
     equations = replace(equations, charts=())
     with temporary_module(equations, (INTEGRATOR,)) as module:
-        found = published_checks(equations, module)
+        checks = published_checks(equations, module)
     return [
         CheckLine(
             f"{equations.choice}: {c.name}", float(c.value), float(c.tolerance), bool(c.passed)
         )
-        for c in found
+        for c in checks
     ]
 
 
@@ -189,9 +189,9 @@ def show(record: Verified, console: Console) -> None:
     choices, names = (list(dict.fromkeys(key[i] for key in values)) for i in (0, 1))
     rows = []
     for name in names:
-        found = [values.get((choice, name)) for choice in choices]
-        limit = next(check.tolerance for check in found if check)
-        rows.append((name, *(_cell(check) for check in found), number(limit)))
+        results = [values.get((choice, name)) for choice in choices]
+        limit = next(check.tolerance for check in results if check)
+        rows.append((name, *(_cell(check) for check in results), number(limit)))
     table(console, ("check", *choices, "tolerance"), rows, right=range(1, len(choices) + 2))
     refusals(record.refused, console)
     good = sum(check.passed for check in record.checks)

@@ -53,7 +53,7 @@ def _state(seen: Evaluator, module: ModuleType, time: float, rtol: float) -> Arr
     if time == 0.0:
         return np.array(x)
     times = np.array([0.0, time])
-    found = module.simulate(
+    motion = module.simulate(
         times,
         x,
         u,
@@ -64,23 +64,23 @@ def _state(seen: Evaluator, module: ModuleType, time: float, rtol: float) -> Arr
         max_steps=MOST_STEPS,
         events=False,
     )
-    return np.array(found.x[-1])
+    return np.array(motion.x[-1])
 
 
 def _values(seen: Evaluator, entry: Published, x: Array) -> dict[str, float]:
     """Everything that can be quoted, by name."""
     system, results = seen.equations.system, {f.name: f.result for f in seen.equations.functions}
     place = (entry.time, x, np.zeros(system.u.numel()), np.array(system.own_parameters))
-    found = dict(zip((c.name for c in system.model.coordinates), x))
+    values = dict(zip((c.name for c in system.model.coordinates), x))
     names = [v.name for v in system.model.velocities]
     qdot = seen("dynamics", *place)[: system.q.numel()]
-    found |= {f"der({c.name})": rate for c, rate in zip(system.model.coordinates, qdot)}
-    found |= dict(zip(names, seen("velocity", *place)))
-    found |= {f"der({name})": rate for name, rate in zip(names, seen.acceleration(*place))}
+    values |= {f"der({c.name})": rate for c, rate in zip(system.model.coordinates, qdot)}
+    values |= dict(zip(names, seen("velocity", *place)))
+    values |= {f"der({name})": rate for name, rate in zip(names, seen.acceleration(*place))}
     for function in ("energy", "outputs"):
         if seen.has(function):
-            found |= dict(zip(results[function].labels, seen(function, *place)))
-    return {name: float(value) for name, value in found.items()}
+            values |= dict(zip(results[function].labels, seen(function, *place)))
+    return {name: float(value) for name, value in values.items()}
 
 
 def _check(entry: Published, found: dict[str, float]) -> CheckResult:

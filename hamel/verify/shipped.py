@@ -57,15 +57,15 @@ def shipped(
     if module is not None and is_long(equations, module):
         return _of_long(equations, module, seed, states, most)
     seen = evidence(reference(equations.system.model), equations, None, states, seed)
-    found: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     numbers = 0
     for suffix, chart in _charts(seen):
         for name in chart.graph.functions:
             rows = _rows(chart, name) if name + suffix in emitted else {}
             numbers += _size(rows)
             if rows and numbers <= most:
-                found[name + suffix] = rows
-    return found
+                results[name + suffix] = rows
+    return results
 
 
 def _of_long(

@@ -80,25 +80,25 @@ def _with_expected(seen: Evidence) -> Evidence:
 
 def _in_charts(seen: Evidence, checks: Sequence[Check]) -> tuple[CheckResult, ...]:
     """The same for every further chart of the module."""
-    found: list[CheckResult] = []
+    result: list[CheckResult] = []
     for number, chart in enumerate(seen.graph.equations.charts, 1):
         there = replace(seen, graph=evaluator(chart), others=(seen.graph,), chart=number)
-        found += [
+        result += [
             replace(check, name=f"{check.name}; chart {number}, {chart.choice}")
             for check in results(there, checks)
         ]
-    return tuple(found)
+    return tuple(result)
 
 
 def _verdict(
     seen: Evidence, states: int, seed: int, results: Sequence[CheckResult]
 ) -> Verification:
-    found = (_enough(len(seen.samples), states), *results)
+    result = (_enough(len(seen.samples), states), *results)
     choice = together(seen.graph.equations)
-    passed = all(c.passed for c in found)
+    passed = all(c.passed for c in result)
     rank = max((s.outcome.rank for s in seen.samples), default=0)
     return Verification(
-        seen.system.model.name, choice, passed, found, len(seen.samples), seed, rank,
+        seen.system.model.name, choice, passed, result, len(seen.samples), seed, rank,
         _region(seen), varied(seen.samples, seen.system), "" if passed else _hardest(seen),
     )  # fmt: skip
 

@@ -21,10 +21,10 @@ from derive.model.records import Choice
 def _equations(survey: Survey, choice: Choice) -> Equations:
     """The bordered system solved for v̇ and −λ; guards watch the pivots of −A M⁻¹ Aᵀ."""
     system, rows = survey.system, survey.independent_rows
-    found = bordered_solution(system.M, rows.A, entries(system.Q - system.h), entries(rows.beta))
-    guards = quadratic_guards(survey, rows.names, found.pivots)
+    solution = bordered_solution(system.M, rows.A, entries(system.Q - system.h), entries(rows.beta))
+    guards = quadratic_guards(survey, rows.names, solution.pivots)
     return in_generalized_velocities(
-        survey, FORMULATION.name, found.x, [-y for y in found.y], guards, ()
+        survey, FORMULATION.name, solution.x, [-y for y in solution.y], guards, ()
     )
 
 

@@ -32,15 +32,15 @@ from derive.model.records import Choice
 def _equations(survey: Survey, choice: Choice) -> Equations:
     """λ = Rᵀ (M v̇ + h − Q): multiplying M v̇ + h − Q = Aᵀ λ by Rᵀ from the left leaves λ, as A R =
     1."""
-    found = carried_through(survey, choice)
-    R, reduction = _inverted(survey, found.reduction)
+    carried = carried_through(survey, choice)
+    R, reduction = _inverted(survey, carried.reduction)
     explicit = _projected(survey, reduction)
     system = survey.system
     missing = ca.mtimes(system.M, explicit.vdot) + ca.substitute(
         system.h - system.Q, system.v, reduction.v
     )
     lam = survey.independent_rows.spread(entries(ca.mtimes(R.T, missing)))
-    return reduced(survey, FORMULATION.name, choice.name, found.reason, reduction, explicit, lam)
+    return reduced(survey, FORMULATION.name, choice.name, carried.reason, reduction, explicit, lam)
 
 
 def _inverted(survey: Survey, reduction: Reduction) -> tuple[ca.SX, Reduction]:
@@ -49,13 +49,13 @@ def _inverted(survey: Survey, reduction: Reduction) -> tuple[ca.SX, Reduction]:
     Y = ca.vertcat(rows.A, reduction.B)
     sides: list[Vector] = [[1.0 if i == k else 0.0 for i in range(n)] for k in range(n)]
     try:
-        found = solved(survey, Y, sides, reduction)
+        solution = solved(survey, Y, sides, reduction)
     except ZeroDivisionError:
         name = survey.system.model.name
         raise AssumptionError(
             f"{name}: [A; B] is singular at the sampled states, so Maggi's S does not exist"
         ) from None
-    inverse = _matrix(found.columns, n)
+    inverse = _matrix(solution.columns, n)
     R, S = inverse[:, : survey.rank], inverse[:, survey.rank :]
     v = ca.mtimes(S, reduction.w) + ca.mtimes(R, rows.c)
     # Ḃ v, as the derivative of B v along the motion with v held
@@ -71,9 +71,9 @@ def _inverted(survey: Survey, reduction: Reduction) -> tuple[ca.SX, Reduction]:
         v=v,
         sigma=ca.substitute(sigma, system.v, v),
         walked=None,
-        guards=block_guards(survey, found, names),
-        pivots=_in_words(survey, found, names),
-        constant_pivots=all(block.grade < 2 for block in found.blocks),
+        guards=block_guards(survey, solution, names),
+        pivots=_in_words(survey, solution, names),
+        constant_pivots=all(block.grade < 2 for block in solution.blocks),
     )
 
 

@@ -21,10 +21,10 @@ from derive.model.records import Choice
 
 
 def _equations(survey: Survey, choice: Choice) -> Equations:
-    found = carried_through(survey, choice)
-    reduction, result = found.reduction, found.explicit
+    carried = carried_through(survey, choice)
+    reduction, result = carried.reduction, carried.explicit
     lam = _multipliers(survey, reduction, result)
-    return reduced(survey, FORMULATION.name, choice.name, found.reason, reduction, result, lam)
+    return reduced(survey, FORMULATION.name, choice.name, carried.reason, reduction, result, lam)
 
 
 def _missing(system: System, reduction: Reduction, vdot: ca.SX) -> ca.SX:

@@ -23,13 +23,13 @@ def _equations(survey: Survey, choice: Choice) -> Equations:
         system.M_extra[j, j] if system.M_extra.has_nz(j, j) else 0.0 for j in range(n)
     ]
     force = entries(system.Q - system.h)
-    found = cheapest(
+    solution = cheapest(
         [
             _solved(tree_solution(system.links, inertias, rotors, force), n)
             for inertias in system.inertias
         ]
     )
-    vdot, pivots = found[:n], found[n:]
+    vdot, pivots = solution[:n], solution[n:]
     return in_generalized_velocities(
         survey,
         FORMULATION.name,

@@ -25,10 +25,10 @@ def _equations(survey: Survey, choice: Choice) -> Equations:
     is written out."""
     system, rows = survey.system, survey.independent_rows
     A, force, beta = rows.A, entries(system.Q - system.h), entries(rows.beta)
-    found = constrained_motion(A, beta, inverse_applied(system, [force, *rows_of(A)]))
-    guards = quadratic_guards(survey, rows.names, found.pivots)
+    motion = constrained_motion(A, beta, inverse_applied(system, [force, *rows_of(A)]))
+    guards = quadratic_guards(survey, rows.names, motion.pivots)
     return in_generalized_velocities(
-        survey, FORMULATION.name, found.vdot, found.lam, guards, named(found, A, beta)
+        survey, FORMULATION.name, motion.vdot, motion.lam, guards, named(motion, A, beta)
     )
 
 

@@ -41,25 +41,27 @@ def _equations(survey: Survey, choice: Choice) -> Equations:
     M_A = system.M + ca.mtimes(weighted, A)
     F_A = entries(system.Q - system.h + ca.mtimes(weighted, beta))
     order = list(reversed(range(system.v.numel())))
-    found = constrained_motion(
+    motion = constrained_motion(
         A, entries(beta), ldl_solution(scalars(M_A), [F_A, *rows_of(A)], order).x
     )
-    guards = quadratic_guards(survey, rows.names, found.pivots)
+    guards = quadratic_guards(survey, rows.names, motion.pivots)
     masses = Named("M_A", "M + Aᵀ W A", M_A), Named("F_A", "Q − h + Aᵀ W β", column(F_A))
-    shown = (*masses, Named("W", "weights of the rows", W), *named(found, A, entries(beta)))
-    return in_generalized_velocities(survey, FORMULATION.name, found.vdot, found.lam, guards, shown)
+    shown = (*masses, Named("W", "weights of the rows", W), *named(motion, A, entries(beta)))
+    return in_generalized_velocities(
+        survey, FORMULATION.name, motion.vdot, motion.lam, guards, shown
+    )
 
 
 def _weights(survey: Survey) -> list[float]:
     """W, one number per row: about the mass that the row feels, 1/Σ (Aᵢⱼ²/Mⱼⱼ), so that units do
     not matter."""
-    found = [
+    weights = [
         _row_weights(M, A)
         for M, A in zip(
             sampled(survey, survey.system.M), sampled(survey, survey.independent_rows.A)
         )
     ]
-    return [float(f"{x:.2g}") for x in np.median(found, axis=0)]
+    return [float(f"{x:.2g}") for x in np.median(weights, axis=0)]
 
 
 def _row_weights(M: np.ndarray, A: np.ndarray) -> np.ndarray:

@@ -36,12 +36,12 @@ def nonideal(
     for name in given:
         if name not in units:
             reader.word(Scalar(str(name), name.span, True, True), units, "coordinate")
-    found = {
+    entries = {
         str(n): reader.formula(s, "a generalised force", NONIDEAL, units[n])
         for n, s in given.items()
         if n in units
     }
-    return tuple(found.get(name, ZERO) for name in units)
+    return tuple(entries.get(name, ZERO) for name in units)
 
 
 def _as_key(name: str, place: Key) -> Key:

@@ -34,5 +34,5 @@ def of_joint(reader: Reader, names: Names, scalar: Scalar) -> Coordinate | None:
 def of_name(reader: Reader, names: Names, scalar: Scalar) -> Coordinate | None:
     """The coordinate of that name; an unknown name is reported with the nearest known one, and the
     result is None."""
-    found = reader.word(scalar, [coordinate.name for coordinate in names.coordinates], "coordinate")
-    return names.coordinate(found)
+    word = reader.word(scalar, [coordinate.name for coordinate in names.coordinates], "coordinate")
+    return names.coordinate(word)

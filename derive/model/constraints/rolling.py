@@ -197,10 +197,10 @@ def carrier_of(
     """The body that a plane or surface is fixed to; the ground where none is named."""
     if carrier is None:
         return GROUND
-    found = some_body(reader, document, carrier)
+    result = some_body(reader, document, carrier)
     if carrier.text == body.text:
         reader.report(carrier.span, f"'{key}' is between '{body.text}' and itself", "two bodies")
-    return found
+    return result
 
 
 def shape_of(

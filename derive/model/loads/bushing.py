@@ -78,7 +78,7 @@ def bushing(
             f"the bushing '{key}' is empty",
             "stiffness, torsion, damping or torsion_damping",
         )
-    found = {
+    laws = {
         name: _along_axes(reader, getattr(entry, name), where, unit)
         for name, where, unit in _COEFFICIENTS
     }
@@ -87,7 +87,7 @@ def bushing(
         bodies=bodies(reader, document, key, entry.between),
         placements=placements(reader, key, entry.at),
         span=key.span,
-        **found,
+        **laws,
     )
 
 
@@ -112,8 +112,8 @@ def _along_axes(reader: Reader, node: Scalar | Items | None, where: str, unit: s
 
 
 def _about_normal(reader: Reader, formula: Expression) -> Vector3:
-    found = [formula if index == reader.space.normal_index else ZERO for index in range(3)]
-    return (found[0], found[1], found[2])
+    components = [formula if index == reader.space.normal_index else ZERO for index in range(3)]
+    return (components[0], components[1], components[2])
 
 
 BUSHING = Kind("bushing", BushingEntry, bushing)

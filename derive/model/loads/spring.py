@@ -73,8 +73,8 @@ def _at_joint(reader: Reader, names: Names, key: Key, entry: SpringEntry) -> Joi
     else:
         target = velocity_of(reader, key, entry, names.velocities)
         name = target.rate_of if target else None
-    found = names.coordinate(name)
-    return None if found is None else spring_at(reader, key, str(key), entry, found)
+    result = names.coordinate(name)
+    return None if result is None else spring_at(reader, key, str(key), entry, result)
 
 
 def spring_at(

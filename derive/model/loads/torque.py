@@ -69,8 +69,8 @@ def torque_components(reader: Reader, node: Scalar | Items) -> Vector3:
 
 def _about_normal(reader: Reader, formula: Expression) -> Vector3:
     signed = Negative(formula) if reader.space.plane == "xz" else formula
-    found = [signed if index == reader.space.normal_index else ZERO for index in range(3)]
-    return (found[0], found[1], found[2])
+    components = [signed if index == reader.space.normal_index else ZERO for index in range(3)]
+    return (components[0], components[1], components[2])
 
 
 TORQUE = Kind("torque", TorqueEntry, torque)

@@ -27,11 +27,11 @@ def robot(
     included(root, budget, folders)
     reading = Reading()
     _check_sections(reading, root)
-    found = settings(reading, root)
+    outcome = settings(reading, root)
     reading.finish()
-    result = Robot(root.get("model") or name, "MJCF", root, found.gravity)
+    result = Robot(root.get("model") or name, "MJCF", root, outcome.gravity)
     result.names, result.body_names = reading.symbols, reading.bodies
-    scene = Scene(result, found)
+    scene = Scene(result, outcome)
     for world in root.all("worldbody"):
         walk(reading, world, scene, floating)
     if not result.bodies and not reading.problems:

@@ -38,7 +38,7 @@ class Law:
 def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmission]:
     """Fixed tendons by name, their springs and dampers written down; spatial ones are refused where
     they act."""
-    found: dict[str, Transmission] = {}
+    result: dict[str, Transmission] = {}
     for section in root.all("tendon"):
         for element in section.children:
             tendon = completed(reading, element, scene.settings)
@@ -48,8 +48,8 @@ def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmis
                 if any(listing(reading, tendon, name) or ())
             ]
             if tendon.tag == "fixed":
-                found[tendon.get("name")] = _coefficients(reading, tendon, scene)
-                _tendon_forces(reading, tendon, acts, found[tendon.get("name")], scene)
+                result[tendon.get("name")] = _coefficients(reading, tendon, scene)
+                _tendon_forces(reading, tendon, acts, result[tendon.get("name")], scene)
             elif acts:
                 reading.report(
                     tendon,
@@ -66,16 +66,16 @@ def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmis
                 scene.robot.changed.append(
                     f"the tendon {quoted(tendon.get('name'))} does nothing and is left out"
                 )
-    return found
+    return result
 
 
 def _coefficients(reading: Reading, tendon: Element, scene: Scene) -> Transmission:
-    found: Transmission = []
+    coefficients: Transmission = []
     for term in tendon.all("joint"):
         joint = _joint(reading, term, "joint", scene)
         if joint is not None:
-            found.append((joint, scalar(reading, term, "coef", 1.0)))
-    return found
+            coefficients.append((joint, scalar(reading, term, "coef", 1.0)))
+    return coefficients
 
 
 def _joint(reading: Reading, element: Element, attribute: str, scene: Scene) -> Joint | None:

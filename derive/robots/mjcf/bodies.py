@@ -135,10 +135,10 @@ def _below(
     reading: Reading, element: Element, name: str, inherited: str, scene: Scene
 ) -> list[Waiting]:
     """Note the sites of a body, count its geoms, and hand on the bodies below it."""
-    found: list[Waiting] = []
+    children: list[Waiting] = []
     for child, frame, owner in _content(reading, element, inherited, scene):
         if child.tag == "body":
-            found.append(Waiting(child, name, frame, owner))
+            children.append(Waiting(child, name, frame, owner))
         elif child.tag == "site":
             site = completed(reading, child, scene.settings, owner)
             place = frame.then(
@@ -147,7 +147,7 @@ def _below(
             scene.sites[site.get("name")] = (name, place)
             scene.site_elements[site.get("name")] = child
         scene.geoms += child.tag == "geom"
-    return found
+    return children
 
 
 def _body(reading: Reading, waiting: Waiting, scene: Scene, floating: bool) -> list[Waiting]:
@@ -174,19 +174,23 @@ def _body(reading: Reading, waiting: Waiting, scene: Scene, floating: bool) -> l
 
 
 def _mass(reading: Reading, element: Element, inherited: str, body: Body, scene: Scene) -> None:
-    found = scene.settings
+    settings = scene.settings
     pieces: list[Piece] = []
     stated: list[Piece] = []
     geoms: list[tuple[Element, Frame]] = []
     for child, frame, owner in _content(reading, element, inherited, scene):
         if child.tag == "inertial":
-            stated.append(explicit(reading, child, frame, found))
+            stated.append(explicit(reading, child, frame, settings))
         elif child.tag == "geom":
-            geoms.append((completed(reading, child, found, owner), frame))
-    if found.inertia_from_geoms == "true" or (found.inertia_from_geoms == "auto" and not stated):
-        pieces = [piece for geom, frame in geoms if (piece := of_geom(reading, geom, frame, found))]
+            geoms.append((completed(reading, child, settings, owner), frame))
+    if settings.inertia_from_geoms == "true" or (
+        settings.inertia_from_geoms == "auto" and not stated
+    ):
+        pieces = [
+            piece for geom, frame in geoms if (piece := of_geom(reading, geom, frame, settings))
+        ]
     if pieces or stated:
-        fill(body, together(pieces or stated), found)
+        fill(body, together(pieces or stated), settings)
 
 
 def _joints(

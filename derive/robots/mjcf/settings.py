@@ -133,15 +133,15 @@ def _content(include: Element, budget: Budget, homes: Sequence[Path]) -> list[El
 
 def settings(reading: Reading, root: Element) -> Settings:
     """Of the whole file; later sections overrule earlier ones, as in MuJoCo."""
-    found = Settings()
+    result = Settings()
     for section in root.children:
         if section.tag == "compiler":
-            _compiler(reading, section, found)
+            _compiler(reading, section, result)
         elif section.tag == "option":
-            _option(reading, section, found)
+            _option(reading, section, result)
         elif section.tag == "default":
-            _defaults(reading, section, found)
-    return found
+            _defaults(reading, section, result)
+    return result
 
 
 def _compiler(reading: Reading, compiler: Element, found: Settings) -> None:

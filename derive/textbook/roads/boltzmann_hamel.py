@@ -25,11 +25,11 @@ SHORT = 60  # operations of a coefficient that is
 def _write(doc: Manuscript) -> None:
     _check_masses(doc)
     nonideal(doc)
-    found = Coefficients(doc.terms)
-    _directions(doc, found)
-    _coefficients(doc, found)
-    _momenta(doc, found)
-    _equations(doc, found)
+    coefficients = Coefficients(doc.terms)
+    _directions(doc, coefficients)
+    _coefficients(doc, coefficients)
+    _momenta(doc, coefficients)
+    _equations(doc, coefficients)
     final(doc)
 
 
@@ -243,9 +243,9 @@ def _momentum(terms: Terms) -> ca.SX:
 
 def _energy(terms: Terms) -> tuple[ca.SX, ca.SX, ca.SX]:
     """T̂ over free symbols of all quasi-velocities, these symbols, and what they are."""
-    s, found = terms.system, Coefficients(terms)
-    speeds = ca.SX.sym("omega", found.directions.size2())
-    energy = ca.substitute(s.T, s.v, ca.mtimes(found.directions, speeds))
+    s, coefficients = terms.system, Coefficients(terms)
+    speeds = ca.SX.sym("omega", coefficients.directions.size2())
+    energy = ca.substitute(s.T, s.v, ca.mtimes(coefficients.directions, speeds))
     c = terms.of_independent(s.c) if terms.has("Y") else ca.SX(0, 1)
     return energy, speeds, ca.vertcat(terms.w, ca.substitute(c, s.v, terms.named("v")))
 
@@ -260,13 +260,13 @@ def _energy_change(terms: Terms) -> ca.SX:
 
 def _left(terms: Terms, wdot: ca.SX) -> ca.SX:
     """ṗ_l − Σ γ^s_rl w_r p_s − u_l[T] − u_lᵀ (Q − V)."""
-    found, p = Coefficients(terms), _momentum(terms)
-    nw = found.free
+    coefficients, p = Coefficients(terms), _momentum(terms)
+    nw = coefficients.free
     rates = along(terms, p[:nw], wdot)
     force = ca.mtimes(terms.named("S").T, active(terms.system))
     force = ca.substitute(force, terms.system.v, terms.named("v"))
     left = rates - _energy_change(terms) - force
-    return left - ca.vertcat(*[_gyroscopic(terms, found, p, k) for k in range(nw)])
+    return left - ca.vertcat(*[_gyroscopic(terms, coefficients, p, k) for k in range(nw)])
 
 
 def _gyroscopic(terms: Terms, found: Coefficients, p: ca.SX, other: int) -> ca.SX:

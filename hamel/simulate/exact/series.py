@@ -47,8 +47,8 @@ class Fixed:
 
     def of(self, value: float | Fraction) -> int:
         """The integer ⌊value · 2ᵇⁱᵗˢ⌋; a double is a fraction and is taken as it is."""
-        found = Fraction(value)
-        return (found.numerator << self.bits) // found.denominator
+        fraction = Fraction(value)
+        return (fraction.numerator << self.bits) // fraction.denominator
 
     def fraction(self, number: int) -> Fraction:
         """The exact value of a fixed-point number, number/2ᵇⁱᵗˢ."""

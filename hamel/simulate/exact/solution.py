@@ -80,8 +80,8 @@ def written(value: float) -> Fraction:
 
 def state_of(e: Equations, initial: Initial, p: np.ndarray, t: float = 0.0) -> np.ndarray:
     """x from (q, v) by the equations' own function."""
-    found = function_of(e, "state")(t, initial.whole, np.zeros(e.system.u.numel()), p)
-    return np.asarray(found).ravel()
+    state = function_of(e, "state")(t, initial.whole, np.zeros(e.system.u.numel()), p)
+    return np.asarray(state).ravel()
 
 
 def solution(problem: Problem, times: Sequence[float], digits: int = 30) -> Solution:
@@ -90,11 +90,11 @@ def solution(problem: Problem, times: Sequence[float], digits: int = 30) -> Solu
     content."""
     _check_states(problem)
     name = _fingerprint(problem, times, digits)
-    kept = _stored_solution(name)
-    if kept is None:
-        kept = _computed(problem, times, digits)
-        _keep(name, kept)
-    return kept
+    stored = _stored_solution(name)
+    if stored is None:
+        stored = _computed(problem, times, digits)
+        _keep(name, stored)
+    return stored
 
 
 def _check_states(problem: Problem) -> None:

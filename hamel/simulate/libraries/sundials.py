@@ -40,14 +40,14 @@ Run = Callable[[], Simulation]
 
 def _cvodes(problem: Problem) -> Run:
     slots = {argument.name: argument.symbols for argument in problem.equations.arguments}
-    made = {function.name: function.result.value for function in problem.equations.functions}
-    work = made["power"] if "power" in made else ca.SX(0)
+    results = {function.name: function.result.value for function in problem.equations.functions}
+    work = results["power"] if "power" in results else ca.SX(0)
     system = {
         "x": slots["x"],
         "t": slots["t"],
         "u": slots["u"],
         "p": slots["p"],
-        "ode": made["dynamics"],
+        "ode": results["dynamics"],
         "quad": work,
     }
     return _prepared("cvodes", system, problem, np.zeros(0), {})
@@ -55,10 +55,10 @@ def _cvodes(problem: Problem) -> Run:
 
 def _idas(problem: Problem) -> Run:
     equations, x = problem.equations, problem.x
-    system, kept = equations.system, _independent_rows(equations)
-    closing = [i for i in kept if system.rows[i].position >= 0]
-    lam, mu = ca.SX.sym("lam", len(kept)), ca.SX.sym("mu", len(closing))
-    A = system.A[kept, :]
+    system, rows = equations.system, _independent_rows(equations)
+    closing = [i for i in rows if system.rows[i].position >= 0]
+    lam, mu = ca.SX.sym("lam", len(rows)), ca.SX.sym("mu", len(closing))
+    A = system.A[rows, :]
     qdot = ca.substitute(system.qdot, system.v, system.v + ca.mtimes(system.A[closing, :].T, mu))
     vdot = ca.solve(system.M, system.Q - system.h + ca.mtimes(A.T, lam))
     phi = ca.vertcat(*[system.phi[system.rows[i].position] for i in closing])
@@ -66,11 +66,11 @@ def _idas(problem: Problem) -> Run:
         "x": ca.vertcat(system.q, system.v), "z": ca.vertcat(mu, lam), "t": system.t,
         "u": system.u, "p": system.p,
         "ode": ca.vertcat(qdot, vdot),
-        "alg": ca.vertcat(phi, ca.mtimes(A, system.v) - system.c[kept]),
+        "alg": ca.vertcat(phi, ca.mtimes(A, system.v) - system.c[rows]),
         "quad": equations.function("power").result.value,
     }  # fmt: skip
     t, module = float(problem.times[0]), problem.module
-    z = np.concatenate([np.zeros(len(closing)), _multipliers(problem, kept)])
+    z = np.concatenate([np.zeros(len(closing)), _multipliers(problem, rows)])
     rates = module.dynamics(t, x, problem.u, problem.p)
     span, nq = float(np.ptp(problem.times)), system.q.numel()
     finest = 10 * np.finfo(float).eps * (np.max(np.abs(x[nq:])) + span * np.max(np.abs(rates[nq:])))
@@ -129,8 +129,8 @@ def _prepared(
         "max_num_steps": MOST_LIBRARY_STEPS,
         "show_eval_warnings": False,
     }
-    made = _compiled(dae) if problem.compiled else dae
-    motion = ca.integrator("motion", solver, made, times[0], times[1:], {**steps, **options})
+    outcome = _compiled(dae) if problem.compiled else dae
+    motion = ca.integrator("motion", solver, outcome, times[0], times[1:], {**steps, **options})
     u = np.tile(problem.u[:, np.newaxis], (1, times.size - 1))
 
     def run() -> Simulation:

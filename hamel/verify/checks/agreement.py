@@ -116,10 +116,10 @@ def power(e: Evidence) -> float:
 
 def positions(e: Evidence) -> float:
     """φ off the constraint surface, where it is not zero."""
-    got = [e.terms_at(d.t, d.q, d.v, s.u, s.given).phi for d, s in zip(e.disturbed, e.samples)]
+    ours = [e.terms_at(d.t, d.q, d.v, s.u, s.given).phi for d, s in zip(e.disturbed, e.samples)]
     sums = Sums(TERMS, [1.0 + worst(d.q / e.units.q) for d in e.disturbed])
     wanted = [e.kinematics(d).phi for d in e.disturbed]
-    return deviation(got, wanted, unit=e.units.positions, sums=sums)
+    return deviation(ours, wanted, unit=e.units.positions, sums=sums)
 
 
 def violation(e: Evidence) -> float | None:
@@ -177,17 +177,17 @@ def accelerations(e: Evidence) -> float:
     is the sum of, and what rounding leaves of them over all columns."""
     unit = e.units
     wanted = np.array([s.outcome.kinematics.beta for s in e.samples]) / unit.beta
-    got = np.array([t.beta for t in e.terms]) / unit.beta
+    ours = np.array([t.beta for t in e.terms]) / unit.beta
     summed = (
         np.array(
             [np.abs(s.outcome.kinematics.A) @ np.abs(s.v) * worst(s.v / unit.v) for s in e.samples]
         )
         / unit.rows
     )
-    if got.shape != wanted.shape:
+    if ours.shape != wanted.shape:
         return float("inf")
     least = np.maximum(1e-3 * summed, e.of_rows(CANCELLING).floors[:, None])
-    return worst((got - wanted) / np.maximum(sizes(wanted), least))
+    return worst((ours - wanted) / np.maximum(sizes(wanted), least))
 
 
 def independent(e: Evidence) -> float:
@@ -258,13 +258,13 @@ def multipliers(e: Evidence) -> float | None:
         e.units,
         np.array([np.maximum(np.max(np.abs(t.A / e.units.A), axis=1), 1e-300) for t in e.terms]),
     )
-    found, wanted = np.array(e.results("reactions")), np.array([s.outcome.lam for s in e.samples])
+    ours, wanted = np.array(e.results("reactions")), np.array([s.outcome.lam for s in e.samples])
     balance = [worst(_summed(t, vdot) / own.force) for t, vdot in zip(e.terms, e.vdot)]
     largest = np.maximum(balance, FLOOR * e.forces)[:, None]
     if not e.redundant:
-        return _unbalanced(e, found / own.lam, wanted / own.lam, largest / of_row)
+        return _unbalanced(e, ours / own.lam, wanted / own.lam, largest / of_row)
     forces = np.array([s.outcome.constraint_force for s in e.samples])
-    done = np.array([t.A.T @ lam for t, lam in zip(e.terms, found)])
+    done = np.array([t.A.T @ lam for t, lam in zip(e.terms, ours)])
     error = _unbalanced(e, done / own.force, forces / own.force, largest)
     if e.reference.model.redundant == "drop":
         return error
@@ -273,7 +273,7 @@ def multipliers(e: Evidence) -> float | None:
     )
     return max(
         error,
-        _unbalanced(e, found / own.lam, least / own.lam, np.minimum(largest / of_row, largest)),
+        _unbalanced(e, ours / own.lam, least / own.lam, np.minimum(largest / of_row, largest)),
     )
 
 
@@ -347,10 +347,10 @@ def results(e: Evidence) -> float | None:
     """Points, velocities and angles of bodies and formulas; angles up to whole turns."""
     if not e.graph.has("outputs"):
         return None
-    got, model = e.results("outputs"), e.reference.model
+    ours, model = e.results("outputs"), e.reference.model
     wanted = [
         nearest_turn(model, outputs(model, own, lam), y)
-        for own, y, lam in zip(e.own, got, _reactions(e))
+        for own, y, lam in zip(e.own, ours, _reactions(e))
     ]
     uses_multipliers = any(
         isinstance(x.expression, Call) and x.expression.function == "reaction"
@@ -360,17 +360,17 @@ def results(e: Evidence) -> float | None:
     relax = e.conditions if uses_multipliers else None
     largest = [1.0 + worst(s.q / e.units.q) for s in e.samples] + e.speeds
     sums = Sums(SOLVED, largest + e.forces if uses_multipliers else largest)
-    return deviation(got, wanted, relax, unit=e.units.own.all_of(labels), sums=sums)
+    return deviation(ours, wanted, relax, unit=e.units.own.all_of(labels), sums=sums)
 
 
 def happenings(e: Evidence) -> float | None:
     """The functions whose changes of sign are events."""
     if not e.graph.has("events"):
         return None
-    got, model = e.results("events"), e.reference.model
+    ours, model = e.results("events"), e.reference.model
     wanted = [events(model, own, lam) for own, lam in zip(e.own, _reactions(e))]
     largest = [1.0 + worst(s.q / e.units.q) + worst(g) for s, g in zip(e.samples, wanted)]
-    return deviation(got, wanted, e.conditions, sums=Sums(SOLVED, largest))
+    return deviation(ours, wanted, e.conditions, sums=Sums(SOLVED, largest))
 
 
 def _reactions(e: Evidence) -> Sequence[Array]:

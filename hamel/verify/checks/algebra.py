@@ -68,8 +68,8 @@ def _product_error(left: Array, right: Array, identity: bool) -> float:
 
 
 def _lengths(matrix: Array, axis: int) -> Array:
-    found = np.linalg.norm(matrix, axis=axis, keepdims=True)
-    return np.where(found > 0.0, found, 1.0)
+    lengths = np.linalg.norm(matrix, axis=axis, keepdims=True)
+    return np.where(lengths > 0.0, lengths, 1.0)
 
 
 def roundtrip(e: Evidence) -> float:
@@ -84,8 +84,8 @@ def roundtrip(e: Evidence) -> float:
 def _forth(e: Evidence, s: Sample, at: State) -> float:
     x = e.graph("state", s.t, np.concatenate([at.q, at.v, s.z]), s.u, s.p)
     q, w = x[: len(at.q)], x[e.graph.equations.speeds]
-    kept = x[e.graph.equations.speeds.stop :] - s.z
-    moved = max(worst((q - at.q) / (e.units.q + np.abs(at.q))), worst(kept / e.units.z))
+    states = x[e.graph.equations.speeds.stop :] - s.z
+    moved = max(worst((q - at.q) / (e.units.q + np.abs(at.q))), worst(states / e.units.z))
     if "B" not in e.graph.named:
         return moved
     B = np.array(e.graph.named["B"](s.t, x, s.u, s.p))

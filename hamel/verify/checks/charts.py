@@ -66,7 +66,7 @@ def _gap(e: Evidence, s: Sample, x: Array, y: Array, a: int, b: int) -> Array:
     except FloatingPointError:
         return np.array([np.inf])
     pairs = ((there, y), (back, x), (v, s.v))
-    return np.concatenate([(got - wanted) / (1.0 + worst(wanted)) for got, wanted in pairs])
+    return np.concatenate([(ours - wanted) / (1.0 + worst(wanted)) for ours, wanted in pairs])
 
 
 CHECKS = (

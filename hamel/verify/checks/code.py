@@ -72,8 +72,8 @@ def plain_code(e: Evidence) -> float | None:
         _compiled_plainly(place, command)
         with warnings.catch_warnings():  # the extension module is not there
             warnings.simplefilter("ignore", RuntimeWarning)
-            made = load(place)
-        return _against_graph(e, importlib.import_module(f"{made.__name__}._library"))
+            plain = load(place)
+        return _against_graph(e, importlib.import_module(f"{plain.__name__}._library"))
 
 
 def _compiled_plainly(place: Path, command: list[str]) -> None:
@@ -126,11 +126,11 @@ def _error(e: Evidence, name: str, got: Array) -> float:
     wanted, roundoff = e.expected[name]
     if got.shape != wanted.shape:
         return float("inf")
-    kept = ~_rightly_refused(e, name, got)
-    if 2 * kept.sum() < len(kept):
+    regular = ~_rightly_refused(e, name, got)
+    if 2 * regular.sum() < len(regular):
         return float("inf")
     unit = e.units.of(e.graph.equations.function(name))
-    got, wanted, roundoff = (y[kept] / unit for y in (got, wanted, roundoff))
+    got, wanted, roundoff = (y[regular] / unit for y in (got, wanted, roundoff))
     return worst((got - wanted) / np.maximum(sizes(wanted, floor=0.0), MANY * roundoff / EXACT))
 
 

@@ -56,8 +56,8 @@ def _against(
 ) -> float | None:
     if not e.graph.has(name):
         return None
-    got = [e.graph(name, s.t, x, s.u, s.p) for s, x in zip(e.samples, e.arguments_of(name))]
-    return deviation(got, wanted, e.conditions, unit=unit, sums=sums)
+    ours = [e.graph(name, s.t, x, s.u, s.p) for s, x in zip(e.samples, e.arguments_of(name))]
+    return deviation(ours, wanted, e.conditions, unit=unit, sums=sums)
 
 
 def _moved(e: Evidence, q: Array, N: Array, d: Array) -> Array:
@@ -84,12 +84,12 @@ def _signed(e: Evidence, q: Array, like: Array) -> Array:
 
 def _longest(e: Evidence, steps: Sequence[Array]) -> float:
     """By how much the longest turn exceeds π."""
-    found = [0.0]
+    result = [0.0]
     for s, d in zip(e.samples, steps):
         for start in e.system.quaternions:
             turn = d[np.abs(s.outcome.kinematics.N[start : start + 4]).any(axis=0)]
-            found.append(float(np.linalg.norm(turn)) - np.pi)
-    return max(found)
+            result.append(float(np.linalg.norm(turn)) - np.pi)
+    return max(result)
 
 
 CHECKS = (

@@ -39,8 +39,8 @@ def mujoco(e: Evidence) -> float | None:
     engine = _engine(e, "mujoco")
     if engine is None:
         return None
-    found = [(s, _forces(e, engine, s)) for s in e.samples[:MANY]]
-    return None if any(forces is None for _, forces in found) else _compared(e, found)
+    pairs = [(s, _forces(e, engine, s)) for s in e.samples[:MANY]]
+    return None if any(forces is None for _, forces in pairs) else _compared(e, pairs)
 
 
 def exudyn(e: Evidence) -> float | None:

@@ -114,12 +114,12 @@ def terms(system: System) -> TermsAt:
         return np.array(forces(t, q, still, p, np.eye(len(still))) - forces(t, q, still, p, still))
 
     def at(t: float, q: Array, v: Array, u: Array, p: Array) -> Terms:
-        found = {name: np.array(x) for name, x in zip(TERMS, function(t, q, v, u, p))}
+        result = {name: np.array(x) for name, x in zip(TERMS, function(t, q, v, u, p))}
         if not system.written:
-            found["M"] = mass(t, q, p)
-        flat = {name: found[name].ravel() for name in VECTORS}
-        single: dict[str, Any] = {name: float(found[name][0, 0]) for name in NUMBERS}
-        values: dict[str, Any] = {name: found[name] for name in MATRICES}
+            result["M"] = mass(t, q, p)
+        flat = {name: result[name].ravel() for name in VECTORS}
+        single: dict[str, Any] = {name: float(result[name][0, 0]) for name in NUMBERS}
+        values: dict[str, Any] = {name: result[name] for name in MATRICES}
         return Terms(**values, **flat, **single)
 
     return at
@@ -143,8 +143,8 @@ def samples(system: System, reference: Reference, count: int, seed: int) -> tupl
 def _samples(
     system: System, reference: Reference, count: int, seed: int, share: float
 ) -> list[Sample]:
-    found = sampling.states(system, count, seed, parameters=share)
-    rows = zip(found.t, found.q, found.v, found.u, found.p)
+    result = sampling.states(system, count, seed, parameters=share)
+    rows = zip(result.t, result.q, result.v, result.u, result.p)
     return [_sample(system, reference, *row) for row in rows]
 
 
@@ -206,12 +206,12 @@ class Evidence:
     def loaded(self, module: ModuleType) -> Evidence:
         """With the module; what was computed before is kept where it computes in the same
         precision."""
-        made = replace(self, module=module)
-        if made.real is self.real:
-            vars(made).update(
+        result = replace(self, module=module)
+        if result.real is self.real:
+            vars(result).update(
                 {name: value for name, value in vars(self).items() if name != "module"}
             )
-        return made
+        return result
 
     @cached_property
     def real(self) -> Real:

@@ -168,7 +168,7 @@ def newton_step(e: Evidence) -> float | None:
 
 
 def _newton(e: Evidence, by_mass: bool) -> float:
-    got, wanted, conditions = [], [], []
+    ours, wanted, conditions = [], [], []
     closing = list(
         e.graph.equations.closing
     )  # of redundant rows those that are closed: off the constraints the others disagree
@@ -181,12 +181,12 @@ def _newton(e: Evidence, by_mass: bool) -> float:
         )
         matrix = saddle(metric, k.A[closing])
         step, _ = solved(matrix, np.concatenate([np.zeros(len(s.v)), -k.phi[phi]]), redundant=False)
-        got.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
+        ours.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
         wanted.append(normalised(e.system, x[: len(s.q)] + k.N @ step[: len(s.v)]) - x[: len(s.q)])
         conditions.append(condition_of(saddle(metric / unit, k.A[closing] / e.units.A[closing])))
     sums = Sums(SOLVED, [1.0 + worst(x[: len(e.units.q)] / e.units.q) for x in e.astray])
     relax = np.maximum(conditions, e.conditions)
-    return deviation(got, wanted, relax, unit=e.units.q, sums=sums)
+    return deviation(ours, wanted, relax, unit=e.units.q, sums=sums)
 
 
 CHECKS = (

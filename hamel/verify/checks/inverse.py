@@ -49,11 +49,11 @@ def own_motion(e: Evidence) -> float | None:
 def _error(e: Evidence, k: int, a: Array, wanted: Array, tolerance: float) -> float:
     """Against the sizes of what is summed, |M| |a| + |h| + |Q| and the forces themselves."""
     s, o = e.samples[k], e.samples[k].outcome
-    got = e.graph("inverse_dynamics", s.t, np.concatenate([s.whole, a]), s.u, s.p)
+    ours = e.graph("inverse_dynamics", s.t, np.concatenate([s.whole, a]), s.u, s.p)
     size = (np.abs(o.M) @ np.abs(a) + np.abs(o.h) + np.abs(o.Q) + np.abs(wanted)) / e.units.force
     least = SMALL + FLOOR * size.max(initial=0.0)
     least = max(least, float(e.of_forces(tolerance).floors[k]))
-    return worst((got - wanted) / e.units.force / np.maximum(size, least))
+    return worst((ours - wanted) / e.units.force / np.maximum(size, least))
 
 
 CHECKS = (

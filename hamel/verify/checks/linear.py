@@ -111,9 +111,9 @@ def _columns(e: Evidence, k: int) -> Iterator[float]:
         here = np.append(here, e.graph("outputs", s.t, x, s.u, s.p))
     rows = np.concatenate([e.units.x[independent] / e.units.time, _output_units(e)])
     units = np.concatenate([e.units.x[independent], _input_units(e)])
-    found = np.array(e.graph.functions[NAME](s.t, x, s.u, s.p))
-    for got, column, unit in zip(found.T, wanted.T, units):
-        yield _error(got * unit / rows, column / rows, here / rows) / _growth(e, k)
+    columns = np.array(e.graph.functions[NAME](s.t, x, s.u, s.p))
+    for ours, column, unit in zip(columns.T, wanted.T, units):
+        yield _error(ours * unit / rows, column / rows, here / rows) / _growth(e, k)
 
 
 def _along(e: Evidence, name: str, k: int, directions: Array) -> Array:
@@ -182,15 +182,15 @@ def along_axes(e: Evidence) -> float | None:
 
 def _own_jacobian(e: Evidence, name: str, k: int) -> float:
     s, x = e.samples[k], e.x[k]
-    found = e.graph(name, s.t, x, s.u, s.p).reshape(len(x), -1)
-    return _jacobian(e, found, JACOBIANS[name], k)
+    ours = e.graph(name, s.t, x, s.u, s.p).reshape(len(x), -1)
+    return _jacobian(e, ours, JACOBIANS[name], k)
 
 
 def _all_at_once(e: Evidence, k: int) -> float:
     """[ẋ ∂ẋ/∂x ∂ẋ/∂u]: its three parts."""
     s, x = e.samples[k], e.x[k]
-    found = e.graph(ALL, s.t, x, s.u, s.p).reshape(len(x), -1)
-    rates, by_x, by_u = np.split(found, [1, 1 + len(x)], axis=1)
+    ours = e.graph(ALL, s.t, x, s.u, s.p).reshape(len(x), -1)
+    rates, by_x, by_u = np.split(ours, [1, 1 + len(x)], axis=1)
     here = e.graph("dynamics", s.t, x, s.u, s.p)
     unit = e.units.x / e.units.time
     errors = [_error(rates[:, 0] / unit, here / unit, here / unit) / _growth(e, k)]
@@ -208,7 +208,7 @@ def _jacobian(e: Evidence, found: Array, slot: int, k: int) -> float:
     wanted, rows = _along(e, "dynamics", k, directions), e.units.x / e.units.time
     here = e.graph("dynamics", s.t, x, s.u, s.p) / rows
     errors = zip((found * units[slot]).T, wanted.T)
-    worst_error = worst([_error(got / rows, column / rows, here) for got, column in errors])
+    worst_error = worst([_error(ours / rows, column / rows, here) for ours, column in errors])
     return worst_error / _growth(e, k)
 
 
@@ -235,9 +235,9 @@ def _curvature(e: Evidence, k: int) -> float:
     directions = np.zeros((len(units), 1 + len(units) + len(s.p)))
     directions[:, 1 : 1 + len(units)] = np.diag(units)
     wanted = tangents(slots, along, (np.array([s.t]), x, s.u, s.p), directions)[0]
-    found = e.graph(SECOND, s.t, np.concatenate([x, y, d]), s.u, s.p) * units
+    ours = e.graph(SECOND, s.t, np.concatenate([x, y, d]), s.u, s.p) * units
     size = float(ca.Function("along", slots, [along])(s.t, x, s.u, s.p))
-    return _error(found, wanted, np.full(len(units), size)) / _growth(e, k)
+    return _error(ours, wanted, np.full(len(units), size)) / _growth(e, k)
 
 
 def of_outputs(e: Evidence) -> float | None:
@@ -253,9 +253,9 @@ def _outputs_jacobian(e: Evidence, k: int) -> float:
     directions = np.zeros((len(x), 1 + len(x) + len(s.u) + len(s.p)))
     directions[:, 1 : 1 + len(x)] = np.diag(units)
     wanted, rows = _along(e, "outputs", k, directions), _output_units(e)
-    found = e.graph("outputs_jacobian", s.t, x, s.u, s.p) * units
+    ours = e.graph("outputs_jacobian", s.t, x, s.u, s.p) * units
     here = e.graph("outputs", s.t, x, s.u, s.p) / rows
-    pairs = zip(found.T, wanted.T)
+    pairs = zip(ours.T, wanted.T)
     return worst([_error(a / rows, b / rows, here) for a, b in pairs]) / _growth(e, k)
 
 
@@ -270,10 +270,10 @@ def unreduced_form(e: Evidence) -> float | None:
     motion = motion_of(equations, None)
     given = {name for name, *_ in motion.ranges}
     try:
-        found = study(
+        result = study(
             equations, motion, {name: FREE for name in motion.sweepable if name not in given}
         )
-        along = found.motions({})
+        along = result.motions({})
         place = (0.0, along.x[0], along.u[0], along.p[0])
         if (
             margins(e.graph, NAME, [place], e.real)[0] <= NEARLY
@@ -283,7 +283,7 @@ def unreduced_form(e: Evidence) -> float | None:
         form = _with_numbers(
             linear(equations, initial_state(e.system).q, np.array(equations.parameters)), e, place
         )
-        cyclic = {found.linear.independent[k] for k in found.cyclic}
+        cyclic = {result.linear.independent[k] for k in result.cyclic}
         other = unreduced(form, along, tuple(j for j in form.independent if j in cyclic))
     except AssumptionError:  # no steady motion, or one where no velocity is constant
         return None

@@ -148,12 +148,12 @@ def worst_of(e: Evidence, error: Callable[[Evidence, int], float]) -> float | No
     the reference stumbles over."""
     if not simulates(e):
         return None
-    found: list[float] = []
+    errors: list[float] = []
     for k in best_conditioned(e)[:TRIED]:
-        if len(found) < MOTIONS:
+        if len(errors) < MOTIONS:
             with suppress(FloatingPointError):
-                found.append(error(e, k) / max(1.0, e.conditions[k] * 1e-3))
-    return worst(found) if found else None
+                errors.append(error(e, k) / max(1.0, e.conditions[k] * 1e-3))
+    return worst(errors) if errors else None
 
 
 def simulates(e: Evidence) -> bool:
@@ -195,12 +195,12 @@ def _pace_of_states(e: Evidence, s: Sample, dv: Array) -> float:
     unit = e.units
     signs = NUDGE * np.where(np.arange(len(s.z)) % 2, -1.0, 1.0)
     moves = (np.concatenate([s.q, s.v, s.z + signs * unit.z]), np.concatenate([s.q, s.v + dv, s.z]))
-    found = [worst(s.outcome.zdot / unit.zdot)]
+    paces = [worst(s.outcome.zdot / unit.zdot)]
     for y in moves:
         there = evaluate(e.reference, state_at(e, s, s.t, y))
-        found.append(worst((there.zdot - s.outcome.zdot) / unit.zdot) / NUDGE)
-        found.append(worst((there.vdot - s.outcome.vdot) / unit.vdot) / NUDGE)
-    return max(found)
+        paces.append(worst((there.zdot - s.outcome.zdot) / unit.zdot) / NUDGE)
+        paces.append(worst((there.vdot - s.outcome.vdot) / unit.vdot) / NUDGE)
+    return max(paces)
 
 
 def _changed(e: Evidence, s: Sample, q: Array, v: Array) -> Array:
@@ -292,11 +292,11 @@ def _carried(
 def _piece(e: Evidence, s: Sample, t: float, y: Array) -> tuple[float, ...]:
     """In which of its pieces every formula is: no order and no extrapolation holds across, and the
     midpoint rule does not look at the end of its step."""
-    found = switches(e.reference.model)
-    if not found:
+    pieces = switches(e.reference.model)
+    if not pieces:
         return ()
     state = state_at(e, s, t, y)
-    return tuple(float(np.sign(state.value(side))) for side in found)
+    return tuple(float(np.sign(state.value(side))) for side in pieces)
 
 
 def _step(e: Evidence, s: Sample, t: float, y: Array, h: float) -> tuple[Array, Array]:

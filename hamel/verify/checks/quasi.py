@@ -44,10 +44,10 @@ def partial(e: Evidence) -> float | None:
     if not e.graph.has("partial_velocities"):
         return None
     unit = np.outer(e.units.v, 1.0 / e.units.w)
-    got = [np.reshape(S, unit.shape) for S in e.results("partial_velocities")]
-    size = [1.0 + worst(S / unit) for S in got]
-    error = deviation(got, partial_velocities(e), e.conditions, unit=unit, sums=Sums(SOLVED, size))
-    along = [s.outcome.kinematics.A / e.units.A @ (S / unit) for s, S in zip(e.samples, got)]
+    ours = [np.reshape(S, unit.shape) for S in e.results("partial_velocities")]
+    size = [1.0 + worst(S / unit) for S in ours]
+    error = deviation(ours, partial_velocities(e), e.conditions, unit=unit, sums=Sums(SOLVED, size))
+    along = [s.outcome.kinematics.A / e.units.A @ (S / unit) for s, S in zip(e.samples, ours)]
     rows = [worst(x) / length / k for x, length, k in zip(along, size, e.conditions)]
     return max(error, worst(rows))
 
@@ -99,10 +99,10 @@ def inputs(e: Evidence) -> float | None:
         needed = S[k].T @ s.outcome.M @ S[k] @ wdot + _over_w(e, k, _idle)
         scaled = maps[k] / (e.units.power / e.units.w)[:, None]
         wanted = np.linalg.pinv(scaled) @ (needed / (e.units.power / e.units.w))
-        got = e.graph(name, s.t, x, s.u, s.p)
+        ours = e.graph(name, s.t, x, s.u, s.p)
         growth = e.conditions[k] * np.linalg.cond(scaled * units) ** 2
         size = 1.0 + worst(wanted / units)
-        errors.append(worst((got - wanted) / units) / size / growth)
+        errors.append(worst((ours - wanted) / units) / size / growth)
     return worst(errors)
 
 
@@ -111,10 +111,10 @@ def products(e: Evidence) -> float | None:
     if not e.graph.has("coriolis_w"):
         return None
     speeds = [x[e.graph.equations.speeds] for x in e.x]
-    got = [C @ w for C, w in zip(_coriolis(e), speeds)]
+    ours = [C @ w for C, w in zip(_coriolis(e), speeds)]
     doubts = [bound @ np.abs(w) for bound, w in zip(_rounding(e), speeds)]
     wanted = [_over_w(e, k, _still) for k in range(len(e.samples))]
-    return _force_error(e, got, wanted, np.array(doubts))
+    return _force_error(e, ours, wanted, np.array(doubts))
 
 
 def antisymmetric(e: Evidence) -> float | None:

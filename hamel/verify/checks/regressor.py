@@ -167,13 +167,13 @@ def values(e: Evidence) -> float | None:
         return None
     errors: list[float] = []
     for s, x in zip(e.samples, e.x):
-        got = np.reshape(e.graph("standard_parameters", s.t, x, s.u, s.p), -1)
+        ours = np.reshape(e.graph("standard_parameters", s.t, x, s.u, s.p), -1)
         wanted = _own(e, s.state)
         # of one kind the largest counts: a tensor's entries are sums of those of its parts
         kinds = [parameter.kind[:1] + parameter.unit for parameter in parameters(e.system)]
         largest = {k: max(abs(w) for w, kind in zip(wanted, kinds) if kind == k) for k in kinds}
         size = np.array([largest[kind] or 1.0 for kind in kinds])
-        errors.append(worst((got - wanted) / size))
+        errors.append(worst((ours - wanted) / size))
     return worst(errors)
 
 
@@ -213,8 +213,8 @@ def over_v(e: Evidence) -> float | None:
         x = np.concatenate([motion.q, motion.v, motion.vdot])
         size = _floored(wanted.size / e.units.force) * e.units.force
         for name in names:
-            got = e.graph(name, s.t, x, s.u, s.p)
-            errors.append(worst(_difference(name, got, wanted, motion.pi) / size))
+            ours = e.graph(name, s.t, x, s.u, s.p)
+            errors.append(worst(_difference(name, ours, wanted, motion.pi) / size))
     return worst(errors)
 
 
@@ -238,8 +238,8 @@ def over_w(e: Evidence) -> float | None:
         projected = Forces(S.T @ wanted.linear, S.T @ wanted.rest, size)
         x = np.concatenate([e.x[k], wdot])
         for name in names:
-            got = e.graph(name, s.t, x, s.u, s.p)
-            errors.append(worst(_difference(name, got, projected, motion.pi) / size))
+            ours = e.graph(name, s.t, x, s.u, s.p)
+            errors.append(worst(_difference(name, ours, projected, motion.pi) / size))
     return worst(errors)
 
 

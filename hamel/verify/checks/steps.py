@@ -63,16 +63,16 @@ def slopes(e: Evidence) -> float | None:
         t, x, u, p = row
         d = rng.normal(size=len(x) + len(u)) * np.append(e.units.x, np.ones(len(u)))
         for method in METHODS:
-            found = sensitivity(t, np.append(x, h), u, p, method=method) @ d
+            ours = sensitivity(t, np.append(x, h), u, p, method=method) @ d
             wanted = _difference(step, row, h, d, method)
-            errors.append(worst((found - wanted) / _scale(e, wanted)))
+            errors.append(worst((ours - wanted) / _scale(e, wanted)))
     return worst(errors) if errors else None
 
 
 def _function(e: Evidence, name: str) -> Callable[..., Array] | None:
     """Of a module that has it: one with a choice of methods."""
-    found = None if e.module is None else in_chart(e.module, name, e.chart)
-    return found if found is not None and hasattr(e.module, "step") else None
+    function = None if e.module is None else in_chart(e.module, name, e.chart)
+    return function if function is not None and hasattr(e.module, "step") else None
 
 
 def _rows(e: Evidence, name: str) -> Iterator[tuple[Row, float, Rates]]:
@@ -110,11 +110,11 @@ def _classical(rates: Rates, row: Row, h: float, parts: int) -> Array:
 def _beyond_estimate(
     e: Evidence, step: Callable[..., Any], row: Row, h: float, rates: Rates
 ) -> Iterator[float]:
-    found, estimate = step(*_with_length(row, h), method="rosenbrock", error=True)
+    ours, estimate = step(*_with_length(row, h), method="rosenbrock", error=True)
     solution, coarse = (_classical(rates, row, h, n) for n in (MANY, MANY // 2))
     scale = _scale(e, solution)
     if worst((solution - coarse) / scale) <= e.real.rounding(0.01 * NEAR):
-        yield worst(np.maximum(np.abs(found - solution) - 10 * estimate, 0.0) / scale)
+        yield worst(np.maximum(np.abs(ours - solution) - 10 * estimate, 0.0) / scale)
 
 
 def _gap(e: Evidence, found: Array, wanted: Array, row: Row) -> float:

@@ -66,7 +66,7 @@ def _of_function(
     unit = e.units.of(function)
     for about, strange in spoiled(place):
         try:
-            got, wanted = (
+            ours, wanted = (
                 np.ravel(call(*e.complete(strange))),
                 _expected(e, function.name, place, strange),
             )
@@ -74,10 +74,10 @@ def _of_function(
             yield REFUSED
             continue
         compared = function.iteration is None and not about.endswith(FINITE)
-        if not np.isfinite(got).all():
-            yield f"{function.name}, {about}: {got} came out"
-        elif compared and not _close(got / unit, wanted / unit, CLOSE * e.real.coarseness):
-            yield f"{function.name}, {about}: {got} is not {wanted}"
+        if not np.isfinite(ours).all():
+            yield f"{function.name}, {about}: {ours} came out"
+        elif compared and not _close(ours / unit, wanted / unit, CLOSE * e.real.coarseness):
+            yield f"{function.name}, {about}: {ours} is not {wanted}"
         else:
             yield RIGHT
 

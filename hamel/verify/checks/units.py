@@ -118,8 +118,8 @@ class Units:
             "difference": [self.q, self.q],
             "normalise": [self.q],
         }
-        found = np.concatenate(own.get(name, [self.x]))
-        return np.append(found, np.zeros(count - len(found)))
+        values = np.concatenate(own.get(name, [self.x]))
+        return np.append(values, np.zeros(count - len(values)))
 
     def of(self, function: Function) -> Array:
         """The entries of a function's result; one where it does not say."""
@@ -132,11 +132,11 @@ class Units:
             "project": self.x,
         }
         count, result = function.result.size, function.result
-        found = own.get(
+        values = own.get(
             function.name,
             self.own.all_of(result.units) if len(result.units) == count else np.ones(count),
         )
-        return np.ravel(found)
+        return np.ravel(values)
 
 
 def units(system: System, A: Sequence[Array], w: Sequence[Array]) -> Units:

@@ -53,10 +53,10 @@ def wrong_systems(system: System) -> Iterator[tuple[str, System]]:
 
 def _one_entry(column: ca.SX) -> ca.SX:
     """The column with all but its first nonzero entry left out."""
-    found = [i for i in range(column.numel()) if not ca.SX(column[i]).is_zero()]
+    places = [i for i in range(column.numel()) if not ca.SX(column[i]).is_zero()]
     result = ca.SX.zeros(column.numel())
-    if found:
-        result[found[0]] = column[found[0]]
+    if places:
+        result[places[0]] = column[places[0]]
     return result
 
 
@@ -136,7 +136,7 @@ def changes(value: ca.SX) -> list[Change]:
     """Everything that can be wrong: an operation swapped, its sign, a term left out of a sum; an
     entry's sign or size."""
     tape = recorded(value)
-    found = [
+    result = [
         Change(f"operation {index}: {about}", partial(tape.replayed, index, change))
         for index, step in enumerate(tape.program.instructions)
         for about, change, operations in _OPERATIONS
@@ -144,7 +144,7 @@ def changes(value: ca.SX) -> list[Change]:
         or (operations == () and step.code not in (*LEAVES, ca.OP_ASSIGN))
     ]
     places = [k for k in range(value.numel()) if not ca.SX(value[k]).is_zero()]
-    return found + [
+    return result + [
         Change(f"entry {k} {about}", partial(_with_entry, value, k, factor))
         for k in places
         for about, factor in _ENTRY

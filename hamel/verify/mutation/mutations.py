@@ -97,13 +97,13 @@ def mutations(model: Model, equations: Equations, seed: int = 0, most: int = MOS
     targets = [target for target in (*_terms(seen), *_functions(seen)) if target.value.numel()]
     readers = _readers(seen)
     rng = np.random.default_rng(seed)
-    found = [
+    result = [
         _planted(target, change, readers.get(target.name, ()))
         for target, change in _changes(targets, most, rng)
     ]
-    planted = tuple(mutation for mutation in found if mutation is not None)
+    planted = tuple(mutation for mutation in result if mutation is not None)
     caught = sum(bool(mutation.caught_by) for mutation in planted)
-    return Mutations(equations.choice, len(planted), caught, len(found) - len(planted), planted)
+    return Mutations(equations.choice, len(planted), caught, len(result) - len(planted), planted)
 
 
 def _terms(seen: Evidence) -> Iterable[Target]:
@@ -179,14 +179,14 @@ def _with_function(seen: Evidence, name: str, wrong: ca.SX) -> Evidence:
 
 def _readers(seen: Evidence) -> dict[str, tuple[Check, ...]]:
     """Term or function → the checks that look at it, of those that hold for the sound equations."""
-    found: dict[str, list[Check]] = {}
+    readers: dict[str, list[Check]] = {}
     for check in CHECKS:
         read: set[str] = set()
         error = check.error(_noting(seen, read))
         if error is not None and error <= check.tolerance:
             for name in read:
-                found.setdefault(name, []).append(check)
-    return {name: tuple(checks) for name, checks in found.items()}
+                readers.setdefault(name, []).append(check)
+    return {name: tuple(checks) for name, checks in readers.items()}
 
 
 def _noting(seen: Evidence, read: set[str]) -> Evidence:

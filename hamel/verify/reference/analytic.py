@@ -220,8 +220,8 @@ def surface_row(item: OnSurface, s: Symbols, place: Layout) -> RowsOf:
     def rows(state: State) -> Rows:
         inside = _inside(item, place, state)
         value, rate = ([float(getattr(x, name)) for x in inside] for name in ("value", "rate"))
-        found = np.array(at(value, rate, state.t, state.q, state.rates, state.p), dtype=float)
-        over_point, over_q, (height, explicit, curvature) = found[:3], found[3:-3], found[-3:]
+        entries = np.array(at(value, rate, state.t, state.q, state.rates, state.p), dtype=float)
+        over_point, over_q, (height, explicit, curvature) = entries[:3], entries[3:-3], entries[-3:]
         coefficients = over_point @ np.array([x.over for x in inside])
         coefficients[: place.nv] += over_q @ state.N
         rest = over_point @ np.array([x.rest for x in inside]) + over_q @ state.drift + curvature

@@ -52,17 +52,17 @@ def length(path: Path, plane: str, place: Layout, state: State) -> Jet:
 def _lines(path: Path, plane: str, state: State) -> list[Line]:
     if plane:
         return _planar_lines(path, plane, state)
-    found: list[Line] = []
+    lines: list[Line] = []
     points = path.points
     for k, (first, second) in enumerate(pairwise(points)):
         if _is_round(first):
-            found += _helix_lines(points[k - 1], first, second, state)
+            lines += _helix_lines(points[k - 1], first, second, state)
         elif not _is_round(second):
             ends = (_here(first, state), _here(second, state))
             gap = ends[1] - ends[0]
             size = float(np.linalg.norm(gap))
-            found.append(Line((first.body, second.body), ends, gap / size, size))
-    return found
+            lines.append(Line((first.body, second.body), ends, gap / size, size))
+    return lines
 
 
 def _is_round(x: Waypoint) -> bool:
@@ -77,7 +77,7 @@ def _here(x: Waypoint, state: State) -> Array:
 def _planar_lines(path: Path, plane: str, state: State) -> list[Line]:
     """The line at the angle β + asin(δ/d) from the line of the centres touches both circles, each
     at its centre less ρ times the line's left normal."""
-    found: list[Line] = []
+    lines: list[Line] = []
     normal = NORMAL[plane]
     for first, second in zip(path.points, path.points[1:]):
         start, end = _here(first, state), _here(second, state)
@@ -88,8 +88,8 @@ def _planar_lines(path: Path, plane: str, state: State) -> list[Line]:
         u = (np.cos(lean) * gap + np.sin(lean) * cross(normal, gap)) / size
         left = cross(normal, u)
         ends = (start - one * left, end - other * left)
-        found.append(Line((first.body, second.body), ends, u, size * float(np.cos(lean))))
-    return found
+        lines.append(Line((first.body, second.body), ends, u, size * float(np.cos(lean))))
+    return lines
 
 
 def _planar(path: Path, plane: str, place: Layout, state: State) -> Jet:

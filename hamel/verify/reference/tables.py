@@ -17,13 +17,13 @@ ORDERS = 4  # derivatives that are known; the fourth and all after it are zero i
 
 def numeric(tables: Iterable[Table]) -> dict[str, Callable[..., Any]]:
     """Each table as a function of a number, by name; NAME__k is its k-th derivative."""
-    found: dict[str, Callable[..., Any]] = {}
+    functions: dict[str, Callable[..., Any]] = {}
     for table in tables:
         cubics = _cubics(table)
         for order in range(ORDERS + 1):
             name = f"{table.name}__{order}" if order else table.name
-            found[name] = _at(table, cubics, order)
-    return found
+            functions[name] = _at(table, cubics, order)
+    return functions
 
 
 def symbolic(tables: Iterable[Table]) -> dict[str, Callable[..., Any]]:
@@ -67,12 +67,12 @@ def _cubics(table: Table) -> Array:
         first = np.diff(y) / h - h * (2.0 * bend[:-1] + bend[1:]) / 6.0
         return np.array([np.diff(bend) / (6.0 * h), bend[:-1] / 2.0, first, y[:-1]]).T
     rise = _rises(x, y)
-    found = []
+    cubics = []
     for k in range(len(h)):
         matrix = np.array([[h[k] ** 3, h[k] ** 2], [3.0 * h[k] ** 2, 2.0 * h[k]]])
         right = [y[k + 1] - y[k] - rise[k] * h[k], rise[k + 1] - rise[k]]
-        found.append([*np.linalg.solve(matrix, right), rise[k], y[k]])
-    return np.array(found)
+        cubics.append([*np.linalg.solve(matrix, right), rise[k], y[k]])
+    return np.array(cubics)
 
 
 def _moments(x: Array, y: Array) -> Array:

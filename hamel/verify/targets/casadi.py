@@ -26,8 +26,10 @@ def check(subject: Subject) -> tuple[CheckResult, ...]:
     functions = {"symbols": {name: symbols.function(name) for name in symbols.functions}}
     if library.is_file():
         functions["external"] = {name: symbols.external(name, library) for name in symbols.compiled}
-    outcomes = [x for kind, found in functions.items() for x in _outcomes(subject, kind, found)]
-    steps = {kind: found["step"] for kind, found in functions.items() if "step" in found}
+    outcomes = [
+        x for kind, function in functions.items() for x in _outcomes(subject, kind, function)
+    ]
+    steps = {kind: function["step"] for kind, function in functions.items() if "step" in function}
     return (*outcomes, *(_step(subject, kind, step) for kind, step in steps.items()))
 
 

@@ -71,9 +71,9 @@ def _outcomes(
     subject: Subject, place: Path, processor: str, short: str, names: Sequence[str]
 ) -> Iterator[CheckResult]:
     done = _made(place, "run", processor)
-    found = _run(done.stdout)
-    errors = [_error(subject, name, found.results.get(name, [])) for name in names]
-    instructions, stack = found.cost.get("dynamics", (0, 0))
+    run = _run(done.stdout)
+    errors = [_error(subject, name, run.results.get(name, [])) for name in names]
+    instructions, stack = run.cost.get("dynamics", (0, 0))
     said = f"dynamics: {instructions} instructions, {stack} bytes of stack"
     if done.returncode:
         said = " ".join((done.stderr or done.stdout).split())[:400]
@@ -143,18 +143,18 @@ def _made(place: Path, goal: str, processor: str) -> subprocess.CompletedProcess
 
 def _run(said: str) -> Run:
     """Lines of other kinds, such as a compiler's or QEMU's, are none of the program's."""
-    found = Run()
+    run = Run()
     for line in PRINTED.findall(said):
         match line.split():
             case ["instructions", name, count, stack]:
-                found.cost[name] = (int(count, 16), int(stack, 16))
+                run.cost[name] = (int(count, 16), int(stack, 16))
             case [name, status, *words]:  # a function at a state
                 values = np.array([int(word, 16) for word in words], np.uint32).view(np.float32)
                 good = int(status, 16) == 0
-                found.results.setdefault(name, []).append(
+                run.results.setdefault(name, []).append(
                     values.astype(float) if good else np.full(len(words), np.nan)
                 )
-    return found
+    return run
 
 
 def _error(subject: Subject, name: str, rows: list[np.ndarray]) -> float:

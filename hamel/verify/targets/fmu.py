@@ -134,12 +134,12 @@ class _Fmu:
     @property
     def of_group(self) -> dict[str, list[int]]:
         """Value references by the functions that their variables come from."""
-        found: dict[str, list[int]] = {}
+        groups: dict[str, list[int]] = {}
         states = set(self.state_references)
         for variable in self.description.modelVariables:
             name = _group(variable, states)
-            found.setdefault(name, []).append(variable.valueReference)
-        return found
+            groups.setdefault(name, []).append(variable.valueReference)
+        return groups
 
     def forward(self, t: float, x: Array, u: Array, p: Array) -> Sequence[float]:
         """`dynamics_forward` of the module, from (x, dx, du)."""
@@ -240,9 +240,9 @@ def motions(fmpy: Any, subject: Subject, path: Path) -> Iterator[CheckResult]:
             output=names,
             record_events=False,
         )
-        found = np.array([[row[name] for name in names] for row in rows])
+        outcome = np.array([[row[name] for name in names] for row in rows])
         sizes = np.maximum(nominals, np.max(np.abs(expected), axis=0))
-        value = float(np.max(np.abs(found - expected) / sizes))
+        value = float(np.max(np.abs(outcome - expected) / sizes))
         yield CheckResult(
             f"{kind}{about}", value, MOTION, value <= MOTION, "a motion of the module"
         )

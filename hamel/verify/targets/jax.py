@@ -70,7 +70,7 @@ def _derivatives(subject: Subject, jax: ModuleType, dynamics: Any) -> list[Check
         return jax.numpy.concatenate([by_x, by_u])
 
     nx = subject.module.nx
-    found = []
+    derivatives = []
     for name, product, call, jacobian in (
         ("jvp", "dynamics_forward", forward, jax.jacfwd),
         ("vjp", "dynamics_adjoint", adjoint, jax.jacrev),
@@ -79,10 +79,10 @@ def _derivatives(subject: Subject, jax: ModuleType, dynamics: Any) -> list[Check
         calls["jacobian_p"] = _mapped(jax, jacobian(dynamics, 3))
         known = [function for function in calls if function in subject.rows]
         errors = [subject.error(function, calls[function]) for function in known]
-        found.append(
+        derivatives.append(
             result(subject, name, errors, f"of the state derivative, against {', '.join(known)}")
         )
-    return found
+    return derivatives
 
 
 def _second(subject: Subject, jax: ModuleType, dynamics: Any) -> CheckResult:

@@ -80,18 +80,18 @@ def check(subject: Subject) -> Iterator[CheckResult]:
             script += MOTION.format(name=subject.name, n=n, x=x, u=u, rtol=motion.rtol)
         (place / "check.m").write_text(script, "utf-8")
         said = _said_by_octave(place)
-        found = {file.stem: np.fromfile(file) for file in place.glob("*.out")}
-    if "help" not in found or said:
+        outputs = {file.stem: np.fromfile(file) for file in place.glob("*.out")}
+    if "help" not in outputs or said:
         yield CheckResult("built and run by Octave", 1.0, 0.0, False, said)
         return
-    helps = found["help"].tolist() == [1.0]
+    helps = outputs["help"].tolist() == [1.0]
     yield CheckResult("help text", float(not helps), 0.0, helps, "help of the class")
-    errors = [_errors(subject, name, found.get(name, np.empty(0))) for name in names]
+    errors = [_errors(subject, name, outputs.get(name, np.empty(0))) for name in names]
     singles, columns = zip(*errors) if errors else ((), ())
     yield result(subject, "values in Octave", list(singles), "every function of the class")
     yield result(subject, "many columns in Octave", list(columns), "the same, all states at once")
     if motion is not None:
-        steps, *rows = found.get("motion", [np.inf])
+        steps, *rows = outputs.get("motion", [np.inf])
         given = rows if len(rows) == motion.x.size else np.full(motion.x.size, np.nan)
         yield from motion.checks("Octave", np.array(given), float(steps))
 

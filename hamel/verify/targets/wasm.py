@@ -88,8 +88,8 @@ def check(subject: Subject) -> Iterator[CheckResult]:
         about = f"no browser is installed: {INSTALL}"
         yield CheckResult(NO_BROWSER, 0.0, 0.0, True, about)
         return
-    found = _in_browser(browser, subject, asked)
-    yield from _outcomes(subject, motion, "Chromium", found)
+    outcome = _in_browser(browser, subject, asked)
+    yield from _outcomes(subject, motion, "Chromium", outcome)
 
 
 def _asked(subject: Subject, motion: Motion | None) -> dict[str, Any]:

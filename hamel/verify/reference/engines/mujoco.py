@@ -44,12 +44,12 @@ def forces(model: Model, s: State, rotors: Array, Q: Array) -> Forces | None:
     """M, h and the v̇ that the forces Q give without the loops, and the loops' Jacobian; None where
     MuJoCo refuses the bodies."""
     try:
-        made = mujoco.MjModel.from_xml_string(text(model, s, rotors))
+        engine = mujoco.MjModel.from_xml_string(text(model, s, rotors))
     except ValueError:  # a body without mass, an inertia that no body has
         return None
-    data, order, n = mujoco.MjData(made), _order(model, made), made.nv
+    data, order, n = mujoco.MjData(engine), _order(model, engine), engine.nv
     data.qpos[:], data.qvel[:], data.qfrc_applied[:] = s.q[order], s.v[order], Q[order]
-    mujoco.mj_forward(made, data)
+    mujoco.mj_forward(engine, data)
     upright, M, h, vdot, rows = (
         np.zeros((n, n)),
         np.zeros((n, n)),
@@ -57,7 +57,7 @@ def forces(model: Model, s: State, rotors: Array, Q: Array) -> Forces | None:
         np.zeros(n),
         np.zeros((data.nefc, n)),
     )
-    mujoco.mj_fullM(made, data, upright)
+    mujoco.mj_fullM(engine, data, upright)
     M[np.ix_(order, order)] = upright
     h[order], vdot[order] = data.qfrc_bias, data.qacc_smooth
     if data.nefc:

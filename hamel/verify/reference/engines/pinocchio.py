@@ -33,27 +33,27 @@ def missing(model: Model) -> str:
 def tree(model: Model, s: State, rotors: Array | None = None) -> Any:
     """The model at the parameters of a state; `rotors`: inertia added along each velocity, in the
     order of the model."""
-    made, places = pin.Model(), {GROUND: (0, pin.SE3.Identity())}
+    engine, places = pin.Model(), {GROUND: (0, pin.SE3.Identity())}
     bodies = {body.name: body for body in model.bodies}
-    made.gravity.linear = np.zeros(3) if model.gravity is None else s.vector(model.gravity)
+    engine.gravity.linear = np.zeros(3) if model.gravity is None else s.vector(model.gravity)
     for joint in model.joints:
         parent, behind = places[joint.parent]
         place, inside = behind * _place(joint.at_parent, s), _place(joint.at_child, s).inverse()
         if joint.type != "fixed":
             parent, place = (
-                made.addJoint(parent, _joint(joint, s), place, joint.name),
+                engine.addJoint(parent, _joint(joint, s), place, joint.name),
                 pin.SE3.Identity(),
             )
         body, own = bodies[joint.child], place * inside
-        made.appendBodyToJoint(
+        engine.appendBodyToJoint(
             parent,
             pin.Inertia(s.value(body.mass), s.vector(body.com), inertia_tensor(s, body)),
             own,
         )
         places[joint.child] = parent, own
     if rotors is not None:
-        made.armature = rotors[columns(model)]
-    return made
+        engine.armature = rotors[columns(model)]
+    return engine
 
 
 def columns(model: Model) -> Array:
@@ -67,27 +67,27 @@ def columns(model: Model) -> Array:
 
 def forces(model: Model, s: State, rotors: Array, Q: Array) -> Forces:
     """M, h and the v̇ that the forces Q give."""
-    made, order = tree(model, s, rotors), columns(model)
-    data, q, v = made.createData(), _coordinates(model, s), s.v[order]
-    upper = np.triu(pin.crba(made, data, q))
+    engine, order = tree(model, s, rotors), columns(model)
+    data, q, v = engine.createData(), _coordinates(model, s), s.v[order]
+    upper = np.triu(pin.crba(engine, data, q))
     M, h, vdot = np.zeros((len(v), len(v))), np.zeros(len(v)), np.zeros(len(v))
     M[np.ix_(order, order)] = upper + np.triu(upper, 1).T
-    h[order] = pin.nonLinearEffects(made, data, q, v)
-    vdot[order] = pin.aba(made, data, q, v, Q[order])
+    h[order] = pin.nonLinearEffects(engine, data, q, v)
+    vdot[order] = pin.aba(engine, data, q, v, Q[order])
     return Forces(M, h, vdot)
 
 
 def _coordinates(model: Model, s: State) -> Array:
     """Ours in its order, quaternions as (x, y, z, w)."""
-    found = []
+    coordinates = []
     for joint in model.joints:
         q = [
             s.q[i]
             for i, coordinate in enumerate(model.coordinates)
             if coordinate.owner == joint.name
         ]
-        found += [*q[:-4], *q[-3:], q[-4]] if joint.type in ("ball", "free") else q
-    return np.array(found)
+        coordinates += [*q[:-4], *q[-3:], q[-4]] if joint.type in ("ball", "free") else q
+    return np.array(coordinates)
 
 
 def _joint(joint: Joint, s: State) -> Any:

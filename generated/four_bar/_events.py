@@ -173,8 +173,8 @@ def changes_inside(step: Inside, sign: np.ndarray, end: np.ndarray) -> Any:
     values.append(step.values(step.t + step.h, end))
     g = np.array(values)
     for j in range(1, EIGHTHS + 1):
-        found = [one for k in range(len(sign)) for one in _changes(step, j, k, int(sign[k]), g)]
-        for theta, k, new in sorted(found):
+        crossings = [one for k in range(len(sign)) for one in _changes(step, j, k, int(sign[k]), g)]
+        for theta, k, new in sorted(crossings):
             sign[k] = new
             yield theta, k, new
         sign[:] = signs(g[j], sign)

@@ -172,16 +172,16 @@ def compile_folder(folder: str | os.PathLike[str], name: str, command: Sequence[
         for stem in stems
     ]
     objects = [f"{stem}.o" for stem in stems]
-    made = [shared_library(name)]
-    links = [[*command, *shared(), *objects, "-lm", "-o", made[0]]]
+    library = [shared_library(name)]
+    links = [[*command, *shared(), *objects, "-lm", "-o", library[0]]]
     if includes:  # the headers of Python and NumPy take longer to read than most sources
         tasks.insert(
             0,
             [*command, *FLAGS, *(f"-I{include}" for include in includes), "-c", f"{name}_module.c"],
         )
         objects.append(f"{name}_module.o")
-        made.append(f"_{name}{extension_suffix()}")
-        links.append([*command, *shared(), *objects, "-lm", "-o", made[1]])
+        library.append(f"_{name}{extension_suffix()}")
+        links.append([*command, *shared(), *objects, "-lm", "-o", library[1]])
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         try:
             for stage in (tasks, links):
@@ -189,27 +189,27 @@ def compile_folder(folder: str | os.PathLike[str], name: str, command: Sequence[
         except BaseException:  # of one compiler, or an interrupt: nobody waits for the others
             stop(folder)
             raise
-    missing = [item for item in (*objects, *made) if not (folder / item).is_file()]
+    missing = [item for item in (*objects, *library) if not (folder / item).is_file()]
     if missing:
         raise CompileError(f"{command[0]} ended without an error, but did not make {missing[0]}")
     for item in objects:
         (folder / item).unlink()
-    made += packed(folder)
-    record(folder, made)
-    return made
+    library += packed(folder)
+    record(folder, library)
+    return library
 
 
 def packed(folder: pathlib.Path) -> list[str]:
     """What the scripts build_TARGET.py of the folder make of what was compiled."""
     listed = sorted(manifest(folder)["files"])
     scripts = [file for file in listed if file.startswith("build_") and file.endswith(".py")]
-    made: list[str] = []
+    texts: list[str] = []
     for script in scripts:
         try:
-            made += runpy.run_path(str(folder / script))["main"](folder)
+            texts += runpy.run_path(str(folder / script))["main"](folder)
         except RuntimeError as error:
             raise CompileError(f"{script}: {first_error(str(error))}", said=str(error)) from error
-    return made
+    return texts
 
 
 def shared_library(name: str) -> str:
@@ -222,9 +222,9 @@ def record(folder: pathlib.Path, made: Sequence[str]) -> None:
     known: dict[str, str] = {}
     with contextlib.suppress(OSError, ValueError):
         known = json.loads((folder / BINARIES).read_text(encoding="utf-8"))
-    kept = {file: value for file, value in known.items() if (folder / file).is_file()}
+    present = {file: value for file, value in known.items() if (folder / file).is_file()}
     new = {file: hashlib.sha256((folder / file).read_bytes()).hexdigest() for file in made}
-    text = json.dumps(dict(sorted({**kept, **new}.items())), indent=1) + "\n"
+    text = json.dumps(dict(sorted({**present, **new}.items())), indent=1) + "\n"
     (folder / BINARIES).write_text(text, encoding="utf-8")
 
 
@@ -263,11 +263,11 @@ def sources(folder: pathlib.Path, name: str) -> list[str]:
     below belongs to another compiler."""
     others = {example(name), f"{name}_module.c"}
     listed = [file for file in manifest(folder)["files"] if file.endswith(".c")]
-    found = [file for file in listed if "/" not in file and file not in others]
-    sizes = {file: (folder / file).stat().st_size for file in found}
+    own = [file for file in listed if "/" not in file and file not in others]
+    sizes = {file: (folder / file).stat().st_size for file in own}
     if f"{name}_simulate.c" in sizes:
         sizes[f"{name}_simulate.c"] += RUNTIME
-    return [file[:-2] for file in sorted(found, key=lambda file: (-sizes[file], file))]
+    return [file[:-2] for file in sorted(own, key=lambda file: (-sizes[file], file))]
 
 
 def example(name: str) -> str:
@@ -357,10 +357,10 @@ def main() -> None:
     if command is None:
         sys.exit(": ".join(no_compiler()))
     try:
-        made = compile_folder(pathlib.Path(__file__).resolve().parent, NAME, command)
+        folder = compile_folder(pathlib.Path(__file__).resolve().parent, NAME, command)
     except CompileError as error:
         sys.exit("\n".join(filter(None, (str(error), error.said, error.hint))))
-    print("made " + ", ".join(made))
+    print("made " + ", ".join(folder))
 
 
 if __name__ == "__main__":

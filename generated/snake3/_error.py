@@ -65,5 +65,5 @@ def estimate(found: Any, companion: Any, order: float | None, rtol: float) -> np
 
 def _tried(found: Any) -> np.ndarray:
     """Steps of each motion, with room for its rows and entries."""
-    tried = np.asarray(found.steps, float) + np.asarray(found.rejected, float)
-    return tried[..., np.newaxis, np.newaxis]
+    attempts = np.asarray(found.steps, float) + np.asarray(found.rejected, float)
+    return attempts[..., np.newaxis, np.newaxis]

@@ -17,6 +17,7 @@ from derive.states.sampling import states
 from hamel.verify.reference.outcome import evaluate, reference, state_of
 from hamel.verify.reference.outputs import events, nearest_turn, outputs
 
+SMALL = 1e-6  # of a term, in SI: a smaller one counts as so large
 TERMS = ("M", "h", "Q", "phi", "A", "c", "beta", "energy", "power")
 
 
@@ -62,15 +63,17 @@ def terms(found: System, place: Place) -> dict[str, np.ndarray]:
 def difference(got: np.ndarray, wanted: np.ndarray) -> float:
     """Largest difference over the largest entry."""
     got, wanted = np.ravel(got), np.ravel(wanted)
-    size = np.max(np.abs(wanted), initial=1e-6)
+    size = np.max(np.abs(wanted), initial=SMALL)
     return float(np.max(np.abs(got - wanted), initial=0.0) / size)
 
 
 def disagreement(text: str | Path, count: int = 6) -> dict[str, float]:
-    """Of every term, output and event, between the mechanics and the reference, relative."""
+    """Of every term, output and event, between the mechanics and the reference, over the largest
+    entry of any place: a contact that is not pressed leaves the rounding of its stiffness."""
     own = model(text)
     found, ref = system(own), reference(own)
-    worst: dict[str, float] = {}
+    apart: dict[str, float] = {}
+    sizes: dict[str, float] = {}
     for place in places(found, count):
         got = terms(found, place)
         outcome = evaluate(ref, state_of(ref, place.t, place.q, place.v, place.u, place.p))
@@ -86,8 +89,10 @@ def disagreement(text: str | Path, count: int = 6) -> dict[str, float]:
         wanted["events"] = events(own, spelled, outcome.lam)
         got["phi"], wanted["phi"] = got["phi"] + 1.0, kin.phi[:, None] + 1.0  # φ is zero
         for name, x in wanted.items():
-            worst[name] = max(worst.get(name, 0.0), difference(got[name], np.asarray(x)))
-    return worst
+            ours, theirs = np.ravel(got[name]), np.ravel(np.asarray(x))
+            apart[name] = max(apart.get(name, 0.0), np.max(np.abs(ours - theirs), initial=0.0))
+            sizes[name] = max(sizes.get(name, SMALL), np.max(np.abs(theirs), initial=0.0))
+    return {name: float(apart[name] / sizes[name]) for name in apart}
 
 
 def _seen(found: System, place: Place, lam: np.ndarray) -> dict[str, np.ndarray]:

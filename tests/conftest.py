@@ -38,6 +38,7 @@ LONG = {
         *("ellipsoid", "rolling_disk", "four_bar-udwadia", "four_bar-maggi", "cart"),
         "double_pendulum",
     ),
+    "test_ends_where_many_digits_end": ("four_bar", "double_pendulum"),
     "test_order_is_nominal": ("ellipsoid", "rolling_disk", "cart", "double_pendulum"),
     "test_extreme_models": (
         *("bicycle_toroidal", "bricard", "four_bar_chain", "isosceles_slider", "long_run"),
@@ -111,6 +112,20 @@ SLOW = frozenset(
         "test_the_section_lies_in_its_plane_at_one_energy",
         "test_float32_has_the_same_steps",
         "test_the_orthonormal_choice_goes_where_a_constant_frame_ends",
+        "test_a_list_of_a_million_entries_is_refused_soon",
+        "test_a_start_in_another_choice_is_a_switch",
+        "test_a_closure_is_simulated",
+        "test_every_changed_operation_of_the_motion_is_caught",
+        "test_an_angle_of_many_turns_can_be_projected",
+        "test_verify_says_which_parameters_it_varied",
+        "test_what_comes_out_is_right_or_nothing_comes_out",
+        "test_operations_and_text_grow_in_proportion",
+        "test_every_way_of_integrating_comes_to_the_same_end",
+        "test_a_motion_that_would_take_all_night_says_so",
+        "test_a_stop_says_that_only_the_choice_is_singular",
+        "test_one_error_turns_several_rungs_red",
+        "test_shapes_and_batches_in_c_and_numpy",
+        "test_what_the_reference_does_not_know_is_refused_with_a_sentence",
     }
 )
 

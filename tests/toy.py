@@ -31,7 +31,7 @@ def toy(
         / determinant
     )
     named = (Named("M", "joint-space mass matrix", M), Named("h", "Coriolis and gravity forces", h))
-    guard = Guard("det M", determinant, 1e-12)
+    guard = Guard("det M", determinant, 1e-12, part=1e-9)
     functions = (
         Function(
             "dynamics",

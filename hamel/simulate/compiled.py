@@ -42,7 +42,7 @@ from hamel.simulate.exact import state_of
 from hamel.simulate.files import check_page, writers
 from hamel.simulate.inputs import Changes, Changing, changes
 from hamel.simulate.kinks import check_kinks
-from hamel.simulate.limits import MOST_ROWS, ROWS
+from hamel.simulate.limits import LOOKS, MOST_ROWS, ROWS
 from hamel.simulate.method import (
     Method,
     check_changes,
@@ -266,7 +266,7 @@ def _motion(
         seen = by if own_integrator(method) else based(by)
         # who asks a function twice may get two answers
         looking = automatic and method.step_size is None and problem.changes.function is None
-        for most in stiffness.LOOKS if looking else ():
+        for most in LOOKS if looking else ():
             try:
                 simulation = motion.integrated(module, seen, start, stepping, progress, most)
                 break

@@ -284,7 +284,8 @@ def test_who_asks_for_no_step_carries_nothing_of_it() -> None:
     without = emit(program(derived("cart_pole")))
     made = program(derived("cart_pole"), FUNCTIONS)
     assert not any("step.h" in name or name == "_steps.py" for name in without)
-    assert not any("INACCURATE" in text or "step_by" in text for text in without.values())
+    own = [text for name, text in without.items() if name != "runtime_module.h"]  # all statuses
+    assert not any("INACCURATE" in text or "step_by" in text for text in own)
     assert made.kernel("dynamics") == program(derived("cart_pole")).kernel("dynamics")
     names = [kernel.name for kernel in made.offered]
     assert names[-2:] == ["step", "step_sensitivity"] and INACCURATE == 13

@@ -41,7 +41,7 @@ TOLD = {
         f"(C.x, C.y) {DROPPED}",
     ],
     "bricard": [
-        "row 5 of closure F (F.turn2) repeats rows 1, 2, 3 and 4 of closure F (F.x, F.y, F.z, F.turn1) "
+        "row 4 of closure F (F.turn1) repeats rows 1, 2, 3 and 5 of closure F (F.x, F.y, F.z, F.turn2) "
         + DROPPED.replace(" are dropped", " is dropped")
     ],
     "lines": [

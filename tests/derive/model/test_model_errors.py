@@ -124,7 +124,7 @@ ERRORS = [
         "unknown_key",
         BAR + "bodies: {b: {mass: m, «intertia: 1}}\n",
         "unknown key 'intertia'",
-        "mass, com, inertia",
+        "mass, com, first_moment, inertia",
         "'inertia'",
     ),
     ("missing_name", "«plane: xy\n", "the model has no 'model'", "the key 'model'", ""),
@@ -1350,7 +1350,7 @@ def test_rendering_shows_the_line_a_caret_and_the_nearest_name() -> None:
         load_text("model: a\nbodies:\n  b: {mas: 1}\n", "a.yaml")
     assert str(caught.value) == (
         "a.yaml:3:7: error: unknown key 'mas'\n    b: {mas: 1}\n        ^^^\n"
-        "  expected: mass, com, inertia, exhaust, physical, about, symbol\n  did you mean 'mass'?"
+        "  expected: mass, com, first_moment, inertia, exhaust, physical, about, symbol\n  did you mean 'mass'?"
     )
 
 

@@ -12,6 +12,7 @@ import pytest
 import hamel
 from codegen import compiler
 from hamel.simulate import stiffness
+from hamel.simulate.limits import LOOKS
 from tests.scenes import MODELS
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -48,7 +49,7 @@ def test_a_stiff_motion_is_made_by_radau(oil: Path) -> None:
 def test_many_steps_alone_are_not_stiff() -> None:
     """Swinging for long takes many steps, by accuracy."""
     record = hamel.simulate(MODELS / "double_pendulum.yaml", time=400.0, integrator="auto")
-    assert record.steps > stiffness.LOOKS[0]
+    assert record.steps > LOOKS[0]
     assert record.integrator in ("taylor", "verner9", "dop853") and not record.why
 
 

@@ -14,7 +14,6 @@ import re
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from peers import pinocchio
 from peers.contest import PLAIN
 from peers.robot import robot
 from robots import Peer, robots
+from target_speed import least
 
 from codegen import compiler
 from derive.robots.reading import imported
@@ -88,17 +88,6 @@ def theirs(panda: Panda, base: Path) -> dict[str, ca.Function]:
     return found
 
 
-def least(calls: Sequence[Callable[[], object]]) -> list[float]:
-    """Least time of each, taken in turn."""
-    times = [np.inf] * len(calls)
-    for _ in range(TURNS):
-        for k, call in enumerate(calls):
-            start = time.perf_counter()
-            call()
-            times[k] = min(times[k], time.perf_counter() - start)
-    return times
-
-
 def external(panda: Panda) -> float:
     """Our time in terms of the fastest of theirs. Raises ValueError where they disagree."""
     with tempfile.TemporaryDirectory() as base:
@@ -114,7 +103,7 @@ def external(panda: Panda) -> float:
             raise ValueError(f"they differ by {error:.1g}")
         calls: list[Callable[[], object]] = [lambda: wide.call(given), lambda: whole.call(given)]
         calls += [lambda peer=peer: peer.call(own) for peer in mapped.values()]
-        times = [1e9 * t / STATES for t in least(calls)]
+        times = [1e9 * t / STATES for t in least(*calls, turns=TURNS)]
     for name, ns in zip(("ours", "ours, in one call", *mapped), times):
         print(f"  {name:28} {ns:8.0f} ns")
     return times[0] / min(times[2:])

@@ -86,7 +86,7 @@ class Pivot:
     value: Expression
     tolerance: float
     limit: float
-    part: float = field(default=1e-9, repr=False)
+    part: float = field(repr=False)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from derive.formulations.records import Function
 from derive.mechanics import recursion
 from derive.mechanics.recursion import Recursion
 
-AUTO, NEVER, ALWAYS = ROLLS = ("auto", "never", "always")
+AUTO, NEVER, ALWAYS = ("auto", "never", "always")
 # Links from which loops take less time than what they are unrolled to, scalar and in lanes
 # (measured: planar chains from 40, oblique ones from 16), and links for each kind, for a processor
 # cannot foresee which comes next (60 of 12 kinds take 16 % longer)

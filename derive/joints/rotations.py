@@ -164,6 +164,19 @@ def matrix_sum(a: Matrix, b: Matrix) -> Matrix:
     return [sum_of(x, y) for x, y in zip(a, b)]
 
 
+def spin_matrix(omega: Vector, alpha: Vector) -> Matrix:
+    """[α]× + [ω]× [ω]×."""
+    x, y, z = omega
+    squares = [dot([w], [w]) for w in omega]
+    xy, xz, yz = dot([x], [y]), dot([x], [z]), dot([y], [z])
+    a, b, c = alpha
+    return [
+        [-plus(squares[1], squares[2]), minus(xy, c), plus(xz, b)],
+        [plus(xy, c), -plus(squares[0], squares[2]), minus(yz, a)],
+        [minus(xz, b), plus(yz, a), -plus(squares[0], squares[1])],
+    ]
+
+
 def difference(a: Sequence[Scalar], b: Sequence[Scalar]) -> Vector:
     """a − b entry by entry; an exact zero leaves the other entry as it is, or its negative."""
     return [minus(x, y) for x, y in zip(a, b)]

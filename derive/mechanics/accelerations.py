@@ -1,11 +1,9 @@
-"""Accelerations of the links' origins, gravity included, from base to tip: what Newton–Euler needs
-where no row asks for rates.
+"""Accelerations of the links' origins, gravity included, from base to tip: what a regressor needs.
 
 With U = [ω̇]× + [ω]× [ω]×, a = acceleration − g in the link's frame, joint point at a_J (parent)
 and b (link), relative twist (ω_J, v_J):
     ω̇ = Rᵀ ω̇_p + Rᵀ ω_p × ω_J + H_ω v̇
     a = Rᵀ (a_p + U_p a_J) + 2 Rᵀ ω_p × v_J + ω_J × v_J + H_v v̇ − U b
-    f = m a + U mc,   n = I ω̇ + ω × I ω + mc × a
 No linear velocity is needed. (Luh, Walker, Paul 1980; the matrix U after Craig and Khalil &
 Dombre.)
 """
@@ -19,33 +17,14 @@ from derive.joints.rotations import (
     cross,
     difference,
     dot,
-    is_zero,
-    plus,
     rotated,
+    spin_matrix,
     sum_of,
     transpose,
 )
-from derive.mechanics.records import Inertia, Link
-from derive.mechanics.tree import Wrench
+from derive.mechanics.records import Link
 
 State = tuple[Vector, Vector, Vector, Matrix]  # ω, ω̇, a, U
-
-
-def newton_euler(
-    links: Sequence[Link],
-    inertias: Sequence[Inertia],
-    v: Sequence[Scalar],
-    vdot: Sequence[Scalar],
-    gravity: Vector,
-) -> list[Wrench]:
-    """The wrench (n in N m, f in N) at each link's origin, in the link's frame, that gives it its
-    motion against gravity. The equations are at the head of this module.
-
-    Gravity enters as an acceleration −g of the ground, so that no link needs its weight. `v`,
-    `vdot` are over all generalized velocities; `gravity` is in ground axes, m/s².
-    """
-    states = accelerations(links, v, vdot, gravity)
-    return [_wrench(body, state) for body, state in zip(inertias, states)]
 
 
 def accelerations(
@@ -78,48 +57,10 @@ def _child(link: Link, parent: State, v: Vector, vdot: Vector) -> State:
         sum_of(carried_a, cross(sum_of(sum_of(carried_omega, carried_omega), turn), slide)),
         slide_rate,
     )
-    U = _spin_matrix(omega, alpha)
+    U = spin_matrix(omega, alpha)
     return omega, alpha, difference(a, rotated(U, link.b)), U
 
 
 def _combined(link: Link, values: Vector) -> tuple[Vector, Vector]:
     rows = [dot([column[i] for column in link.motion], values) for i in range(6)]
     return rows[:3], rows[3:]
-
-
-def _spin_matrix(omega: Vector, alpha: Vector) -> Matrix:
-    """[ω̇]× + [ω]× [ω]×, from six products."""
-    square = [dot([w], [w]) for w in omega]
-    mixed = {(i, j): dot([omega[i]], [omega[j]]) for i in range(3) for j in range(i + 1, 3)}
-    sign = {
-        (0, 1): -alpha[2],
-        (1, 0): alpha[2],
-        (0, 2): alpha[1],
-        (2, 0): -alpha[1],
-        (1, 2): -alpha[0],
-        (2, 1): alpha[0],
-    }
-    return [
-        [
-            -plus(square[(i + 1) % 3], square[(i + 2) % 3])
-            if i == j
-            else plus(mixed[min(i, j), max(i, j)], sign[i, j])
-            for j in range(3)
-        ]
-        for i in range(3)
-    ]
-
-
-def _wrench(body: Inertia, state: State) -> Wrench:
-    omega, alpha, a, U = state
-    force = rotated(U, body.moment)
-    if not is_zero(body.mass):
-        force = sum_of(force, [dot([body.mass], [x]) for x in a])
-    moment = sum_of(_turning(body.tensor, omega, alpha, U), cross(body.moment, a))
-    return moment, force
-
-
-def _turning(I: Matrix, omega: Vector, alpha: Vector, U: Matrix) -> Vector:
-    """I ω̇ + ω × I ω."""
-    spin = [dot(row, omega) for row in I]
-    return sum_of([dot(row, alpha) for row in I], cross(omega, spin))

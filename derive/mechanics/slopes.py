@@ -47,6 +47,7 @@ from derive.joints.rotations import (
     product,
     rotated,
     scaled,
+    spin_matrix,
     sum_of,
     times,
     transpose,
@@ -407,19 +408,6 @@ def _swung(omega: Vector, alpha: Vector, r: Vector) -> Vector:
     if is_nothing(r):
         return NONE
     return rotated(spin_matrix(omega, alpha), r)
-
-
-def spin_matrix(omega: Vector, alpha: Vector) -> Matrix:
-    """[α]× + [ω]× [ω]×."""
-    x, y, z = omega
-    squares = [dot([w], [w]) for w in omega]
-    xy, xz, yz = dot([x], [y]), dot([x], [z]), dot([y], [z])
-    a, b, c = alpha
-    return [
-        [-plus(squares[1], squares[2]), minus(xy, c), plus(xz, b)],
-        [plus(xy, c), -plus(squares[0], squares[2]), minus(yz, a)],
-        [minus(xz, b), plus(yz, a), -plus(squares[0], squares[1])],
-    ]
 
 
 def _inertia_force(body: Inertia, omega: Vector, rate: Pair) -> Wrench:

@@ -5,16 +5,19 @@ Of derive.mechanics: inverse_dynamics, moments.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from derive.mechanics.accelerations import newton_euler
+from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.joints.rotations import cross, dot, is_zero, rotated, sum_of
+from derive.mechanics.accelerations import State, accelerations
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
-from derive.mechanics.records import System
-from derive.mechanics.tree import joint_forces
+from derive.mechanics.records import Inertia, Link, System
+from derive.mechanics.tree import Wrench, joint_forces
 from derive.model import load
 from derive.robots.reading import imported
 from derive.states import system
@@ -26,6 +29,33 @@ TREES = sorted(
 )
 
 QUICK = ("stanford_arm", "bicycle", "four_bar", "arm.urdf", "quadruped.urdf")
+
+
+def newton_euler(
+    links: Sequence[Link],
+    inertias: Sequence[Inertia],
+    v: Sequence[Scalar],
+    vdot: Sequence[Scalar],
+    gravity: Vector,
+) -> list[Wrench]:
+    """(n, f) at each link's origin: f = m a + U mc, n = I ω̇ + ω × I ω + mc × a."""
+    states = accelerations(links, v, vdot, gravity)
+    return [_wrench(body, state) for body, state in zip(inertias, states)]
+
+
+def _wrench(body: Inertia, state: State) -> Wrench:
+    omega, alpha, a, U = state
+    force = rotated(U, body.moment)
+    if not is_zero(body.mass):
+        force = sum_of(force, [dot([body.mass], [x]) for x in a])
+    moment = sum_of(_turning(body.tensor, omega, alpha, U), cross(body.moment, a))
+    return moment, force
+
+
+def _turning(I: Matrix, omega: Vector, alpha: Vector, U: Matrix) -> Vector:
+    """I ω̇ + ω × I ω."""
+    spin = [dot(row, omega) for row in I]
+    return sum_of([dot(row, alpha) for row in I], cross(omega, spin))
 
 
 def mechanics_of(name: str, constants: str) -> System:

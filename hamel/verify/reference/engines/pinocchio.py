@@ -33,27 +33,27 @@ def missing(model: Model) -> str:
 def tree(model: Model, s: State, rotors: Array | None = None) -> Any:
     """The model at the parameters of a state; `rotors`: inertia added along each velocity, in the
     order of the model."""
-    engine, places = pin.Model(), {GROUND: (0, pin.SE3.Identity())}
+    robot, places = pin.Model(), {GROUND: (0, pin.SE3.Identity())}
     bodies = {body.name: body for body in model.bodies}
-    engine.gravity.linear = np.zeros(3) if model.gravity is None else s.vector(model.gravity)
+    robot.gravity.linear = np.zeros(3) if model.gravity is None else s.vector(model.gravity)
     for joint in model.joints:
         parent, behind = places[joint.parent]
         place, inside = behind * _place(joint.at_parent, s), _place(joint.at_child, s).inverse()
         if joint.type != "fixed":
             parent, place = (
-                engine.addJoint(parent, _joint(joint, s), place, joint.name),
+                robot.addJoint(parent, _joint(joint, s), place, joint.name),
                 pin.SE3.Identity(),
             )
         body, own = bodies[joint.child], place * inside
-        engine.appendBodyToJoint(
+        robot.appendBodyToJoint(
             parent,
             pin.Inertia(s.value(body.mass), s.vector(body.com), inertia_tensor(s, body)),
             own,
         )
         places[joint.child] = parent, own
     if rotors is not None:
-        engine.armature = rotors[columns(model)]
-    return engine
+        robot.armature = rotors[columns(model)]
+    return robot
 
 
 def columns(model: Model) -> Array:
@@ -67,13 +67,13 @@ def columns(model: Model) -> Array:
 
 def forces(model: Model, s: State, rotors: Array, Q: Array) -> Forces:
     """M, h and the v̇ that the forces Q give."""
-    engine, order = tree(model, s, rotors), columns(model)
-    data, q, v = engine.createData(), _coordinates(model, s), s.v[order]
-    upper = np.triu(pin.crba(engine, data, q))
+    robot, order = tree(model, s, rotors), columns(model)
+    data, q, v = robot.createData(), _coordinates(model, s), s.v[order]
+    upper = np.triu(pin.crba(robot, data, q))
     M, h, vdot = np.zeros((len(v), len(v))), np.zeros(len(v)), np.zeros(len(v))
     M[np.ix_(order, order)] = upper + np.triu(upper, 1).T
-    h[order] = pin.nonLinearEffects(engine, data, q, v)
-    vdot[order] = pin.aba(engine, data, q, v, Q[order])
+    h[order] = pin.nonLinearEffects(robot, data, q, v)
+    vdot[order] = pin.aba(robot, data, q, v, Q[order])
     return Forces(M, h, vdot)
 
 

@@ -16,6 +16,7 @@ from derive.expressions import tree
 from derive.expressions.dimensions import SHORT, Inferred, infer, with_unit
 from derive.expressions.evaluate import is_constant, number
 from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, Function
+from derive.expressions.tables import Table
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity, unit
 from derive.expressions.tree import Expression, Number
@@ -60,6 +61,7 @@ class Reader:
         self.definitions: dict[str, Expression] = {}
         self.measures = Measures()
         self.functions: dict[str, Function] = dict(FUNCTIONS)  # and the model's tables
+        self.curves: dict[str, Table] = {}  # the tables by name
         self.paths: dict[str, Path] = {}
         self.problems: list[Diagnostic] = []
         self.notes: list[str] = []  # what is taken otherwise than a reader might expect

@@ -16,9 +16,9 @@ from derive.expressions import tree
 from derive.expressions.dimensions import SHORT, Inferred, infer, with_unit
 from derive.expressions.evaluate import is_constant, number
 from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, Function
-from derive.expressions.tables import Table
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity, unit
+from derive.expressions.tables import Table
 from derive.expressions.tree import Expression, Number
 from derive.expressions.units import (
     ENERGY,

@@ -21,7 +21,7 @@ from pathlib import Path
 import environment
 import mechanisms
 from environment import Ends, Outcome, Record, Worker, asked, complaint, documented, run
-from scenes import File, Schema, files
+from scenes import File, Schema, files, put_beside
 
 # What a verb is given beside the file so that it ends soon and writes where we look; any other verb
 # is run with the file alone.
@@ -65,6 +65,7 @@ def tried(job: Job) -> Ends:
     kind, suffix, text, verb, as_json = job
     folder = Path(environment.tempfile.mkdtemp(dir=environment.HOME))
     (folder / f"m{suffix}").write_text(text)
+    put_beside(folder)
     more = [*SHORT.get(verb, ()), *(["--json"] if as_json else [])]
     outcome = run([verb, f"m{suffix}", *more], folder)
     wrong = fails(kind, outcome)
@@ -142,6 +143,7 @@ def oracle(worker: Worker, record: Record) -> Callable[[dict], str]:
     is a failure."""
     known: dict[str, str] = {}
     path = environment.HOME / "asked.yaml"
+    put_beside(environment.HOME)
 
     def refusal(model: dict) -> str:
         text = json.dumps(model, indent=1)

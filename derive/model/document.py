@@ -25,7 +25,7 @@ from derive.model.records import Span
 LARGEST = 4 << 20  # bytes
 HANDED = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
 DEEPEST = 32  # levels
-MOST_BODIES = 10_000  # reading them takes seconds, deriving and compiling them many minutes
+MOST_BODIES = 20_000  # reading them takes seconds, deriving and compiling them many minutes
 MOST_VALUES = 1_000_000  # the largest model that is allowed has about half of that
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")

@@ -255,6 +255,15 @@ ERRORS = [
         "",
     ),
     (
+        "constant_of_the_header",
+        "model: a\nparameters: {«A_NX: 1}\n"
+        "bodies: {b: {mass: 1}}\n"
+        "joints: {J: {type: prismatic, axis: x, parent: ground, child: b}}\n",
+        "the parameter 'A_NX' is like the constants A_… of the generated header",
+        "another name, such as a_nx",
+        "",
+    ),
+    (
         "language_word",
         "model: a\nparameters: {«t: 1}\n",
         "'t' is a word of the model language",

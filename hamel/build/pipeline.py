@@ -78,7 +78,8 @@ def build(
             checked = with_emitted(equations, program)
             verification = _verification(checked, _waiting(finished, clock), options.states)
             emitted = {kernel.name for kernel in program.kernels}
-            rows = shipped(checked, emitted, verification.seed, module=finished().module)
+            seed, module = verification.seed, finished().module
+            rows = shipped(checked, emitted, seed, module=module, real=program.real)
             states = stored(verification, equations, rows)
         compiled = finished()
         if compiled.message:

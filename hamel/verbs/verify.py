@@ -120,7 +120,8 @@ def target_subject(
     fit."""
     emitted = [kernel.name for kernel in program.kernels]
     with compiled(program.name, emit(program)) as made:
-        rows = shipped(with_emitted(equations, program), emitted, seed, states, NUMBERS)
+        checked = with_emitted(equations, program)
+        rows = shipped(checked, emitted, seed, states, NUMBERS, real=program.real)
         yield subject_of(program, made.module, rows)
 
 

@@ -29,6 +29,7 @@ from hamel.verify.suite import evidence
 
 STATES = 3
 MOST = 20_000  # numbers, over all functions
+FOR_TARGETS = 1_000_000  # of those that targets are compared at, which nothing keeps
 ARGUMENT = 8  # digits of arguments
 VALUE = 11  # digits of values
 MANY = 8.0  # times the roundoff that is likely: every other order of operations stays within

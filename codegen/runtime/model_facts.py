@@ -133,7 +133,7 @@ class Facts:
         usual = ("steps", "rejected", "calls", "position_violation", "velocity_violation")
         switches = ("switches",) if self.charts else ()
         bases = ("bases",) if self.frame else ()
-        return (*usual, "crossings", "charts", *switches, *bases)
+        return (*usual, "crossings", "landings", "charts", *switches, *bases)
 
     @cached_property
     def rows(self) -> dict[str, tuple[tuple[int, ...], float]]:
@@ -163,7 +163,8 @@ class Facts:
     @cached_property
     def end(self) -> np.dtype[Any]:
         """NAME_end of NAME_simulate.h."""
-        counts = ("steps", "rejected", "calls", "crossings", "charts", "switches", "bases")
+        counts = ("steps", "rejected", "calls", "crossings", "landings")
+        counts = (*counts, "charts", "switches", "bases")
         reals = ("t", "position_violation", "velocity_violation")
         entries: list[tuple[str, Any]] = [("status", "i"), *((name, "l") for name in counts)]
         return np.dtype([*entries, *((name, self.real) for name in reals)], align=True)

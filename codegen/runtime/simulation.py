@@ -76,8 +76,8 @@ class Simulation:
     potential since the start.
 
     position_violation and velocity_violation are the largest that a constraint showed after any
-    step; crossings counts the singular positions that were crossed, charts those that an
-    enforcement used. With several choices of quasi-velocities v are the generalized velocities,
+    step; crossings counts the singular positions that were crossed, landings the steps that end
+    where forces go on to another piece, charts those that an enforcement used. With several choices of quasi-velocities v are the generalized velocities,
     chart the number of the choice at each time, switches their changes. Where angles go round,
     reduced is x without whole turns, as it was integrated: the violations are of that. Where the
     directions that w is measured along are based anew on the way, `bases` times, p has the
@@ -97,6 +97,7 @@ class Simulation:
     position_violation: float
     velocity_violation: float
     crossings: int = 0
+    landings: int = 0
     charts: int = 0
     status: Status = Status.OK
     v: np.ndarray | None = None

@@ -44,6 +44,7 @@ ENTRIES = (
     ("long", "rejected", "rejected steps"),
     ("long", "calls", "evaluations of dynamics"),
     ("long", "crossings", "singular positions that were crossed"),
+    ("long", "landings", "steps that end where forces go on to another piece"),
     ("long", "charts", "charts that an enforcement used"),
     ("double", "position_violation", "the largest of a position constraint after a step"),
     ("double", "velocity_violation", "the largest of a velocity constraint after a step"),
@@ -56,6 +57,8 @@ OF_INPUTS = (
     ("{name}_inputs", "inputs", "what changes u on the way, NULL where nothing does"),
 )
 OF_EVENTS = (("{name}_watch", "events", "what is looked for on the way, NULL where nothing is"),)
+# Where forces are in pieces.
+OF_KINKS = (("int", "landed", "number of the kink that the last step ended at, from 1 on, or 0"),)
 # Where the module has several charts.
 OF_CHARTS = (
     ("int", "choice", "the chart that the state is in, by number"),
@@ -93,6 +96,7 @@ SHARED = (
     "numpy_motion",
     "numpy_guards",
     "numpy_changes",
+    "numpy_kinks",
     "numpy_loop",
 )
 _BESIDE = re.compile(r"^from \.(?=[a-z])", re.MULTILINE)  # imports of each other
@@ -248,6 +252,7 @@ def _lengths(program: Program, has: Mapping[str, bool], rows: Mapping[str, int])
         "velocity": rows["velocity"],
         "constraints": rows["constraints"],
         "power": int(has["power"]),
+        "kinks": _kinks(program)["KINKS"],
         "project": len(program.argument("x").names) if has["project"] else 0,
     }
 
@@ -282,11 +287,19 @@ def _flags(
         "HIGHEST_ORDER": _highest(chosen),
         "SERIES_IN_PIECES": int(bool(_highest(chosen)) and in_pieces(program)),
         "EVENTS": len(program.events),
+        **_kinks(program),
         "DENSE_DEGREE": max(
             3, _stages(chosen), _highest(chosen), *(len(dense.powers) for dense in _dense(chosen))
         ),
         "DENSE_STAGES": max(0, 0, *(len(dense.c) for dense in _dense(chosen))),
     }
+
+
+def _kinks(program: Program) -> dict[str, int]:
+    """How many there are, and whether they depend on inputs."""
+    kernel = program.kernel("kinks") if program.has("kinks") else None
+    by_inputs = kernel is not None and "u" in kernel.uses
+    return {"KINKS": kernel.shape[0] if kernel else 0, "KINKS_BY_INPUTS": int(by_inputs)}
 
 
 def _dense(chosen: Sequence[Integrator]) -> list[Dense]:
@@ -382,6 +395,7 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
         *ENTRIES,
         *(OF_INPUTS if program.argument("u").names else ()),
         *OF_EVENTS,
+        *(OF_KINKS if program.has("kinks") else ()),
         *(OF_CHARTS if program.charts else ()),
         *(OF_FRAMES if program.frame else ()),
         *(OF_SERIES if _highest(chosen) else ()),

@@ -34,7 +34,7 @@ SHORT: dict[str, tuple[str, ...]] = {
     "report": ("--time", "0.5", "--budget", "2", "-o", "report"),
     "import": ("-o", "imported.yaml"),
 }
-SELDOM = ("report", "extremes")  # only where nothing else is: a report takes many runs
+SELDOM = ("report", "extremes", "book")  # on every fortieth smallest file: they take many runs
 CLAIMS = ("reference", "extremes")  # sections whose made-up numbers verification may refuse
 ROBOTS = ".urdf", ".xml"
 
@@ -82,12 +82,11 @@ def jobs_of(
     kind: str, suffix: str, text: str, smallest: bool, legal: bool, turn: Iterator[int]
 ) -> Iterator[tuple[str, Job]]:
     """Every verb on a smallest file; two on a legal other one, one on a refused one."""
-    usual = [name for name in with_model() if name not in SELDOM]
     number = next(turn)
-    chosen = usual if smallest else [*(["build"] if legal else []), usual[number % len(usual)]]
-    if smallest and number % 40 == 0:
-        chosen = [*chosen, *(name for name in with_model() if name in SELDOM)]
-    for verb in dict.fromkeys(chosen):
+    one = with_model()[number % len(with_model())]
+    chosen = with_model() if smallest else [*(["build"] if legal else []), one]
+    often = smallest and number % 40 == 0
+    for verb in dict.fromkeys(verb for verb in chosen if often or verb not in SELDOM):
         as_json = (number + len(verb)) % 3 == 0
         yield f"{kind}: {verb} {as_json} {text}", (kind, suffix, text, verb, as_json)
 

@@ -255,6 +255,28 @@ ERRORS = [
         "",
     ),
     (
+        "decimal_comma",
+        "model: a\nparameters: {m: 2,«5 kg}\n",
+        "'5 kg' is not a name",
+        "a number has a decimal point: 2.5 kg",
+        "",
+    ),
+    (
+        "degree_sign",
+        "model: a\nparameters: {a: 30«°}\n",
+        "unexpected character '°'",
+        "",
+        "it is written deg",
+    ),
+    (
+        "joint_of_another_tool",
+        "model: a\nbodies: {b: {mass: 1}}\n"
+        "joints: {J: {type: «hinge, axis: x, parent: ground, child: b}}\n",
+        "unknown type of joint 'hinge'",
+        "prismatic",
+        "did you mean 'revolute'?",
+    ),
+    (
         "constant_of_the_header",
         "model: a\nparameters: {«A_NX: 1}\n"
         "bodies: {b: {mass: 1}}\n"

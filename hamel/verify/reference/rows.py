@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 from derive.diagnostics import AssumptionError
-from derive.expressions import tree
 from derive.model.constraint_records import (
     Distance,
     Holonomic,
@@ -110,11 +109,8 @@ def _physical_rows(item: object, model: Model, place: Layout, state: State) -> R
 
 def nonideal_force(model: Model, state: State) -> Array:
     """Nᵀ C of the constraints' own generalised forces C per coordinate, nv."""
-    entries: list[tuple[tree.Expression, ...]] = [
-        item.nonideal
-        for item in model.constraints
-        if isinstance(item, Holonomic | Nonholonomic) and item.nonideal
-    ]
-    return state.N.T @ sum(
-        (state.vector(entry) for entry in entries), np.zeros(len(model.coordinates))
-    )
+    force = np.zeros(len(model.coordinates))
+    for item in model.constraints:
+        if isinstance(item, Holonomic | Nonholonomic) and item.nonideal:
+            force = force + state.vector(item.nonideal)
+    return state.along_velocities(force)

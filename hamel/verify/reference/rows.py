@@ -22,7 +22,7 @@ from hamel.verify.reference.jets import Jet, length, point, stays
 from hamel.verify.reference.layout import Layout, Rows, centripetal, layout, point_velocity
 from hamel.verify.reference.rolling import rolling_rows
 from hamel.verify.reference.states import Seat, State
-from hamel.verify.reference.vectors import Array, cross
+from hamel.verify.reference.vectors import Array, cross, skew
 
 
 def joint_blocks(seat: Seat, state: State) -> tuple[Array, Array, Array]:
@@ -45,7 +45,7 @@ def joint_blocks(seat: Seat, state: State) -> tuple[Array, Array, Array]:
 def _transport(arm: Array) -> Array:
     """6 × 6: twist at the body's origin → twist at `arm`."""
     moved = np.eye(6)
-    moved[3:] = point_velocity(arm)
+    moved[3:, :3] = -skew(arm)
     return moved
 
 

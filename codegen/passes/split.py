@@ -77,9 +77,10 @@ def split(kernel: Kernel) -> Parts:
         parts[-1].residual = kernel.loop.residual
     first = len(kernel.solving.values) if kernel.solving else 0
     reads = [list(dict.fromkeys(_read(part))) for part in parts]
+    order = {load.name: k for k, load in enumerate(kernel.loads)}
     for part, names in zip(parts, reads):
-        wanted = set(names)
-        part.loads = tuple(load for load in kernel.loads if load.name in wanted)
+        places = sorted(order[name] for name in names if name in order)
+        part.loads = tuple(kernel.loads[k] for k in places)
     return Parts(tuple(parts), _share_slots(parts, reads, home, first))
 
 

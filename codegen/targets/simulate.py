@@ -214,7 +214,8 @@ def _data(program: Program) -> dict[str, Any]:
 def alike(program: Program) -> list[int]:
     """The first entry of x with the same unit as each."""
     units = program.argument("x").units
-    return [units.index(unit) for unit in units]
+    first: dict[str, int] = {}
+    return [first.setdefault(unit, i) for i, unit in enumerate(units)]
 
 
 def _called(program: Program) -> tuple[str, ...]:

@@ -22,11 +22,11 @@ import yaml
 from derive.diagnostics import Diagnostic, ModelError
 from derive.model.records import Span
 
-LARGEST = 4 << 20  # bytes
+LARGEST = 16 << 20  # bytes
 HANDED = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
 DEEPEST = 32  # levels
-MOST_BODIES = 20_000  # reading them takes seconds, deriving and compiling them many minutes
-MOST_VALUES = 1_000_000  # the largest model that is allowed has about half of that
+MOST_BODIES = 20_000  # reading them takes some tens of seconds, building them minutes
+MOST_VALUES = 1_000_000  # 20,000 links of a robot have about 800,000
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
 _BRACED = re.compile(r"\w\{")  # of a name with an index, such as link{i}

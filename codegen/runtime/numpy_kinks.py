@@ -16,7 +16,7 @@ FOURTHS = 4  # of a step, at whose ends kinks are looked at
 NEAREST = 1e-6  # share of a step: a kink before that is left to the error control
 ATTEMPTS = 20
 CLOSE = 1e-3  # share of a step that is left to the kink at first
-SAFE = 0.1  # in units of the tolerance
+SAFE = 0.01  # in units of the tolerance
 Values = Callable[[float], Any]
 
 

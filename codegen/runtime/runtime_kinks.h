@@ -121,16 +121,21 @@ static double carried_error(const Run *r, const Trial *to, double h)
 }
 
 /* Makes of a trial step one that ends just before the first kink on its way; leaves it where there is none. Where forces jump, a stage of
-   such a step may be beyond: it ends the earlier then, and the next one comes nearer. */
-static int before_kink(Run *r, const Method *method, Trial *to)
+   such a step may be beyond: it ends the earlier then, and the next one comes nearer. Where the step `failed`, the first slope says what
+   may be on its way. Returns a status. */
+static int before_kink(Run *r, const Method *method, int failed, Trial *to)
 {
     Simulation *const s = r->s;
     const Trial whole = *to;
     double a = 0.0, b = 1.0, off = s->step_size > 0.0 ? 0.1 : 1e-3, start, place;
     int which = 0, n;
+    for (n = 0; n < N && failed != OK; n++) {
+        to->z[n] = s->x[n] + whole.h * s->slope[n];
+        to->next[n] = s->slope[n];
+    }
     place = first_kink(r, s->landed, s->t, whole.h, s->x, s->slope, to->z, to->next, &which);
     if (!(place > 1e-6 && place < 1.0))
-        return OK;
+        return failed;
     to->kink = which + 1;
     start = kink_at(r, which, s->t, s->x);
     for (n = 0; n < 20 && b - a > 4.0 * DBL_EPSILON; n++) {
@@ -150,7 +155,7 @@ static int before_kink(Run *r, const Method *method, Trial *to)
                 return OK;
             }
             to->left = carried_root(r, to, g, (b - theta) * whole.h);
-            if (carried_error(r, to, to->left) <= 0.1)
+            if (carried_error(r, to, to->left) <= 0.01)
                 return OK;
             if (off > 2e-3 && !(s->step_size > 0.0)) {
                 to->kink = 0;

@@ -317,9 +317,9 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
     if (fixed)
         error = 0.0;
 #if KINKS
-    if (status == OK) {
-        trial.h = h, trial.end = end, trial.error = error;
-        status = before_kink(r, method, &trial);
+    if (status == OK || fixed) {
+        trial.error = error;
+        status = before_kink(r, method, status, &trial);
         h = trial.h, end = trial.end, error = fixed ? 0.0 : trial.error;
         last |= trial.kink; /* the size that was wanted is that of the next one, too */
     }

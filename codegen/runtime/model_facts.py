@@ -4,7 +4,7 @@ The same file in every generated folder. No claim of licence is made on it: 0BSD
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -110,6 +110,8 @@ class Facts:
     framed: int = 0  # the chart whose they are
     turning: tuple[int, ...] = ()  # coordinates in which nothing on the way sees a whole turn
     turn: tuple[float, float] = (0.0, 0.0)  # 2π: the nearest number, and what is left
+    # by enforcement, what else than the choice may be singular where a motion stops
+    stops: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -196,6 +198,11 @@ class Facts:
         """With the usual frame where none is given."""
         return self.nullspace.full(p) if self.nullspace and self.frame else p
 
-    def cause(self, status: Status) -> str:
-        """Of a stop, in words."""
-        return self.shared.FUNCTIONS["dynamics"][3] if status == Status.SINGULAR else status.cause
+    def cause(self, status: Status, enforcement: int) -> str:
+        """Of a stop under an enforcement, in words."""
+        if status == Status.SINGULAR:
+            return self.shared.FUNCTIONS["dynamics"][3]
+        stop = self.stops.get(self.enforcements[enforcement])
+        if status == Status.SINGULAR_CHOICE and stop:
+            return f"{status.cause}; or {stop}"
+        return status.cause

@@ -31,6 +31,7 @@ from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
 from codegen.targets.records import Target
+from derive.enforcement import ENFORCEMENTS
 
 # The head of a simulation: kind, name, meaning.
 ENTRIES = (
@@ -75,7 +76,8 @@ OF_SERIES = (
 INDEPENDENT = 0.02
 NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as good as new
 STEPPED = ("jacobian_u", "jacobian_forward")  # what the sensitivity of a step calls besides
-CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
+CHARTS = tuple(e.name for e in ENFORCEMENTS if e.level == "stages")  # those by coordinates
+STOPS = {e.name: e.stop for e in ENFORCEMENTS if e.stop}
 FOLDER = Path(__file__).parents[1] / "runtime"
 STEP = "runtime_step.h"  # for modules that have a step alone
 OTHERS = ("runtime_fmi", "runtime_module")  # headers of FMUs and of the extension
@@ -194,6 +196,7 @@ def _data(program: Program) -> dict[str, Any]:
         "faster_from": faster_from(program) if _highest(chosen) else 0.0,
         "tight": TIGHT,
         "staged": [name for name in program.enforcements if name in CHARTS],
+        "stops": {name: STOPS[name] for name in program.enforcements if name in STOPS},
         "rows": rows,
         "lengths": _lengths(program, has, rows),
         "guards": [chart.guards for chart in charts] or [rows["guards"]],
@@ -211,7 +214,8 @@ def _data(program: Program) -> dict[str, Any]:
 def alike(program: Program) -> list[int]:
     """The first entry of x with the same unit as each."""
     units = program.argument("x").units
-    return [units.index(unit) for unit in units]
+    first: dict[str, int] = {}
+    return [first.setdefault(unit, i) for i, unit in enumerate(units)]
 
 
 def _called(program: Program) -> tuple[str, ...]:

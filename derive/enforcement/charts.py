@@ -48,6 +48,7 @@ SELECTIVE = Enforcement(
     level="stages",
     refusal=_refusal,
     needs=_needs,
+    stop="the coordinates that were selected at the start may be: partitioning selects anew",
 )
 
 TANGENT = Enforcement(

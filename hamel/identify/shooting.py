@@ -115,7 +115,7 @@ def shot(
     problem = _problem(equations, module, recorded, free, segments)
     measured = np.column_stack([recorded.columns[name] for name in problem.names])
     noise = 0.01 * np.maximum(np.std(measured, axis=0), LEAST_WEIGHT)
-    theta = _first(problem)
+    theta, jacobian = _first(problem), np.empty((0, 0))
     for _ in range(PASSES):  # the second time by the noise that there is
         theta, jacobian = _solved(problem, measured, noise, theta)
         left = problem.parts_seen(theta)[0] - measured[problem.at]
@@ -181,7 +181,8 @@ def _solved(problem: _Problem, y: Array, noise: Array, theta: Array) -> tuple[Ar
     def slopes(at: Array) -> Array:
         return _slopes(problem, noise, at)
 
-    found = least_squares(residuals, theta, slopes, max_nfev=EVALUATIONS, xtol=1e-12, ftol=1e-12)
+    derivatives: Any = slopes  # a function may stand there, too
+    found = least_squares(residuals, theta, derivatives, max_nfev=EVALUATIONS, xtol=1e-12)
     return found.x, np.asarray(found.jac)
 
 

@@ -264,6 +264,13 @@ def test_what_cannot_be_is_refused(ways: dict[str, Any], message: str) -> None:
         simulated(facts(), **ways)
 
 
+def test_a_stop_says_what_else_may_be_singular_under_its_enforcement() -> None:
+    of = facts(stops={"partitioning": "its coordinates may be"})
+    assert of.cause(Status.SINGULAR_CHOICE, 1).endswith("goes on; or its coordinates may be")
+    assert of.cause(Status.SINGULAR_CHOICE, 0).endswith("goes on")
+    assert of.cause(Status.SINGULAR, 1) == "singular: of the oscillator"
+
+
 def test_what_needs_a_compiler_says_so() -> None:
     with pytest.raises(Stopped, match=r"oscillator.simulate stopped at t = 0\.0: .* code"):
         simulated(facts(), integrator="radau")

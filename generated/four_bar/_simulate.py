@@ -78,6 +78,7 @@ FACTS = Facts(
         ("rejected", "l", 0),
         ("calls", "l", 0),
         ("crossings", "l", 0),
+        ("landings", "l", 0),
         ("charts", "l", 0),
         ("position_violation", "", 0),
         ("velocity_violation", "", 0),
@@ -93,7 +94,7 @@ FACTS = Facts(
         ("guard_rate", "", 1),
         ("turns", "", 3),
     ),
-    lengths={"velocity": 3, "constraints": 4, "power": 1, "project": 4},
+    lengths={"velocity": 3, "constraints": 4, "power": 1, "kinks": 0, "project": 4},
     positions=2,
     guards=(1, ),
     limits=Limits(

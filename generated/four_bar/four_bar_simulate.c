@@ -13,8 +13,8 @@ typedef four_bar_end End;
 typedef four_bar_watch Events;
 typedef four_bar_inputs Inputs;
 
-/* Sizes: states, coordinates, states and work, how many of these move; rows of what is called; guards at most. */
-enum { NX = FOUR_BAR_NX, NQ = 3, N = NX + 1, MOVING = N };
+/* Sizes: states, coordinates, first-order states, states and work, how many of these move; rows of what is called; guards at most. */
+enum { NX = FOUR_BAR_NX, NQ = 3, NZ = 0, N = NX + 1, MOVING = N };
 enum { CONSTRAINT_ROWS = 4, POSITION_ROWS = 2, MANIFOLD_ROWS = 0, CLOSING = 0, GUARDS = 1, VELOCITY_ROWS = 3 };
 enum { INPUTS = FOUR_BAR_NU, PARAMETERS = FOUR_BAR_NP, CONSTANTS = FOUR_BAR_NC_DYNAMICS };
 #define CLOSURE_ROWS 0
@@ -43,6 +43,8 @@ enum { INPUTS = FOUR_BAR_NU, PARAMETERS = FOUR_BAR_NP, CONSTANTS = FOUR_BAR_NC_D
 #define HIGHEST_ORDER 0
 #define SERIES_IN_PIECES 0
 #define EVENTS 0
+#define KINKS 0
+#define KINKS_BY_INPUTS 0
 #define DENSE_DEGREE 7
 #define DENSE_STAGES 3
 
@@ -77,6 +79,7 @@ static const double turn = 6.283185307179586, rest_of_turn = 2.4492935982947064e
 #include "runtime_steps.h"
 #include "runtime_dense.h"
 #include "runtime_events.h"
+#include "runtime_kinks.h"
 #include "runtime_simulate.h"
 #include "runtime_lanes.h"
 

@@ -76,6 +76,7 @@ typedef struct {
     long rejected; /* rejected steps */
     long calls; /* evaluations of dynamics */
     long crossings; /* singular positions that were crossed */
+    long landings; /* steps that end where forces go on to another piece */
     long charts; /* charts that an enforcement used */
     double position_violation; /* the largest of a position constraint after a step */
     double velocity_violation; /* the largest of a velocity constraint after a step */
@@ -103,7 +104,7 @@ int four_bar_simulate(four_bar_simulation *simulation, size_t n, const double *t
 /* How a motion ended. */
 typedef struct {
     int status;
-    long steps, rejected, calls, crossings, charts, switches, bases;
+    long steps, rejected, calls, crossings, landings, charts, switches, bases;
     double t, position_violation, velocity_violation;
 } four_bar_end;
 

@@ -3,11 +3,13 @@
    Plain C99 without allocation. The file that includes this one defines the model first:
 
        Simulation          the structure of NAME_simulate.h
-       NX, NQ, N, MOVING   numbers of states, of coordinates among them, NX + 1 (the work), and how many of these move
+       NX, NQ, NZ          numbers of states, of coordinates and of first-order states among them
+       N, MOVING           NX + 1 (the work), and how many of these move
        MODEL_dynamics(r)   the function f(t, x, u, p, out) that stands for dynamics, and so for power, project, constraints,
                            guards, closure, slip, manifold, jacobian and jacobian_t where there are such functions
        HAS_POWER ...       1 where there is one, else 0; TURNING how many coordinates go round
-       HAS_INPUTS          1 where there are inputs, which then may change on the way; EVENTS how many events the model has
+       HAS_INPUTS          1 where there are inputs, which then may change on the way; EVENTS how many events the model has,
+                           KINKS how many places where forces go on to another piece, KINKS_BY_INPUTS whether they depend on inputs
        FRAME               how many values of p, the last ones, are a frame that is based anew on the way; HAS_ROWS whether the
                            independence of the constraint rows can be asked for
        PROJECTION ...      the numbers of the enforcements, -1 of those that the module does not have

@@ -78,6 +78,7 @@ FACTS = Facts(
         ("rejected", "l", 0),
         ("calls", "l", 0),
         ("crossings", "l", 0),
+        ("landings", "l", 0),
         ("charts", "l", 0),
         ("position_violation", "", 0),
         ("velocity_violation", "", 0),
@@ -90,7 +91,7 @@ FACTS = Facts(
         ("slope", "", 8),
         ("turns", "", 5),
     ),
-    lengths={"velocity": 5, "constraints": 3, "power": 1, "project": 0},
+    lengths={"velocity": 5, "constraints": 3, "power": 1, "kinks": 0, "project": 0},
     positions=0,
     guards=(0, ),
     limits=Limits(

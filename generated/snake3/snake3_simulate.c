@@ -12,8 +12,8 @@ typedef snake3_end End;
 typedef snake3_watch Events;
 typedef snake3_inputs Inputs;
 
-/* Sizes: states, coordinates, states and work, how many of these move; rows of what is called; guards at most. */
-enum { NX = SNAKE3_NX, NQ = 5, N = NX + 1, MOVING = N };
+/* Sizes: states, coordinates, first-order states, states and work, how many of these move; rows of what is called; guards at most. */
+enum { NX = SNAKE3_NX, NQ = 5, NZ = 0, N = NX + 1, MOVING = N };
 enum { CONSTRAINT_ROWS = 3, POSITION_ROWS = 0, MANIFOLD_ROWS = 0, CLOSING = 0, GUARDS = 0, VELOCITY_ROWS = 5 };
 enum { INPUTS = SNAKE3_NU, PARAMETERS = SNAKE3_NP, CONSTANTS = SNAKE3_NC_DYNAMICS };
 #define CLOSURE_ROWS 0
@@ -42,6 +42,8 @@ enum { INPUTS = SNAKE3_NU, PARAMETERS = SNAKE3_NP, CONSTANTS = SNAKE3_NC_DYNAMIC
 #define HIGHEST_ORDER 0
 #define SERIES_IN_PIECES 0
 #define EVENTS 0
+#define KINKS 0
+#define KINKS_BY_INPUTS 0
 #define DENSE_DEGREE 7
 #define DENSE_STAGES 3
 
@@ -68,6 +70,7 @@ static const double turn = 6.283185307179586, rest_of_turn = 2.4492935982947064e
 #include "runtime_steps.h"
 #include "runtime_dense.h"
 #include "runtime_events.h"
+#include "runtime_kinks.h"
 #include "runtime_simulate.h"
 #include "runtime_lanes.h"
 

@@ -75,6 +75,7 @@ typedef struct {
     long rejected; /* rejected steps */
     long calls; /* evaluations of dynamics */
     long crossings; /* singular positions that were crossed */
+    long landings; /* steps that end where forces go on to another piece */
     long charts; /* charts that an enforcement used */
     double position_violation; /* the largest of a position constraint after a step */
     double velocity_violation; /* the largest of a velocity constraint after a step */
@@ -99,7 +100,7 @@ int snake3_simulate(snake3_simulation *simulation, size_t n, const double *times
 /* How a motion ended. */
 typedef struct {
     int status;
-    long steps, rejected, calls, crossings, charts, switches, bases;
+    long steps, rejected, calls, crossings, landings, charts, switches, bases;
     double t, position_violation, velocity_violation;
 } snake3_end;
 

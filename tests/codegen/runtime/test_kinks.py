@@ -8,12 +8,14 @@ Of codegen.runtime: numpy_kinks.
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+import hamel
 from codegen import compiler, loader
 from codegen.passes import program
 from derive.mechanics.kinks import kinks
@@ -213,3 +215,27 @@ loads:
     assert len(kinks(system(load_text(sphere)))) == 2  # touching, and pressed at all
     stop = of("0 N", "potential: (1 N/m)*max(0 m, x - b)^2\n")
     assert len(kinks(stop)) == 1
+
+
+SLED = """model: sled
+plane: xy
+bodies: {sled: {mass: 4 kg, com: [0.2, 0], inertia: 0.3}}
+joints: {base: {type: planar, parent: ground, child: sled, coordinates: [x, y, heading]}}
+constraints: {skate: {type: no_slip, body: sled, at: [0, 0], direction: y}}
+quasi_velocities: {body: {speed: base.vx, spin: base.w}, tangent: orthonormal}
+loads: {hill: {type: wrench, frame: sled, force: [-(9 N/m)*ramp(x - 0.3 m) - (4 N)*step(y), 0]}}
+initial: {x: -1 m, base.vx: 1 m/s, base.w: 0.5 rad/s, y: -0.1 m}
+"""
+
+
+@pytest.mark.slow
+@WITH_COMPILER
+def test_modules_with_a_frame_and_with_charts_land_alike(tmp_path: Path) -> None:
+    """Their functions have the choice's own coordinates; the motion is the same."""
+    file = tmp_path / "sled.yaml"
+    file.write_text(SLED, encoding="utf-8")
+    how = {"time": 3.0, "rtol": 1e-10, "atol": 1e-12, "integrator": "dop853"}
+    runs = [hamel.simulate(file, choice=x, **how) for x in ("body", "tangent", "body+tangent")]
+    ends = [[run.final[name] for name in ("x", "y", "heading")] for run in runs]
+    assert np.abs(np.subtract(ends, ends[0])).max() < 1e-8
+    assert all(run.landings == runs[0].landings >= 2 for run in runs)

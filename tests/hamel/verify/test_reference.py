@@ -368,6 +368,18 @@ def test_planes_are_the_same_mechanics(plane):
     )
 
 
+@pytest.mark.parametrize("text", [SLEIGH, DISK, EVERYTHING], ids=["planar", "euler", "everything"])
+def test_forces_along_rates_are_forces_along_velocities(text):
+    """Nᵀ f by the blocks of N, joint by joint, and its rows, against N as a matrix."""
+    ref = reference(load_text(text))
+    draw = np.random.default_rng(7)
+    n, m = len(ref.model.coordinates), len(ref.model.velocities)
+    s, force = state_of(ref, 0.3, draw.normal(size=n), draw.normal(size=m)), draw.normal(size=n)
+    np.testing.assert_allclose(s.along_velocities(force), s.N.T @ force, atol=1e-14)
+    for i in range(n):
+        np.testing.assert_array_equal(s.row(i), s.N[i])
+
+
 def test_nonideal_force_acts_in_the_tangent_space_only():
     bead = """
 model: bead

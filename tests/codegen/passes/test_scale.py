@@ -143,6 +143,8 @@ def test_results_that_repeat_an_argument_are_copied_in_a_loop(
     assert [i for i, _ in part.outputs] == [2, 3] and not whole.parts[0].copies
     loop = "for (int i = 0; i < 2; i++) /* q1, rad to q2, rad */\n        out[i] = x[(2 + i)];"
     assert loop in texts["toy.c"] and "out[..., 0:2] = x[..., 2:4]" in texts["_numpy.py"]
+    swapped = replace(kernel, outputs=(*reversed(kernel.outputs[:2]), *kernel.outputs[2:]))
+    assert not split.split(swapped).parts[0].copies
 
 
 def test_a_sum_of_very_many_entries_is_cut_by_what_it_loads(

@@ -20,7 +20,6 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from growth import chain
 from rich.console import Console
 
@@ -68,7 +67,7 @@ KINDS = (
     Kind("states and events", "gallery/dc_motor"),
     Kind("table", "gallery/cam"),
     Kind("pieces and events", "gallery/bungee"),
-    Kind("1,000 links", "", None, ("dynamics", "energy"), apart=True, states=1),
+    Kind("1,000 links", "", None, ("dynamics", "energy"), True, STATES_OF_CHAIN),
 )
 
 
@@ -105,8 +104,6 @@ class Trial:
             names = self._fitting(program, names)
             checked = replace(program, targets=names)
             with target_subject(equations, checked, self.kind.states, 0) as subject:
-                if not self.kind.file:
-                    subject = replace(subject, rows=dict(_rows(checked, subject)))
                 for check in target_checks(names):
                     self._say(check.target, *_outcome(check, subject))
         except HamelError as error:
@@ -130,22 +127,6 @@ class Trial:
         row = Row(target, f"{file} ({self.kind.what}{real})", tool, worst, passed)
         self.rows.append(row)
         print(f"{row.target}, {row.model}: {_word(row)}", file=sys.stderr, flush=True)
-
-
-def _rows(program: Program, subject: Subject) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Random states of a long chain, and the largest entry of each result as its size: bounds of
-    rounding errors, which others are told by, grow with every link until they say nothing."""
-    random = np.random.default_rng(0)
-    u, p = (np.zeros(len(program.argument(name).names)) for name in "up")
-    for kernel in program.kernels:
-        x = random.normal(size=(STATES_OF_CHAIN, len(kernel.x.names)))
-        values = [getattr(subject.module, kernel.name)(0.0, row, u, p) for row in x]
-        size = [float(np.max(np.abs(value), initial=0.0)) for value in values]
-        many = STATES_OF_CHAIN
-        yield (
-            kernel.name,
-            {"t": [0.0] * many, "x": x, "u": [u] * many, "p": [p] * many, "size": size},
-        )
 
 
 def _outcome(check: TargetCheck, subject: Subject) -> tuple[str, float | None, bool]:

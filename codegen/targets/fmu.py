@@ -37,7 +37,7 @@ TABLED = (
     "outputs_jacobian",
 )
 DERIVATIVES = TABLED[3:]
-NEEDS = ("dynamics_forward", "dynamics_adjoint", "outputs_jacobian")
+NEEDS = ("dynamics_forward", "dynamics_adjoint", "outputs", "outputs_jacobian")
 SHORTEST = 1e-9  # m, of a nominal length
 STOP_TIME = 10.0  # s, of the experiment that a tool proposes; a model says nothing of it
 

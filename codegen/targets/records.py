@@ -11,6 +11,7 @@ from codegen.program import Kernel, Program
 # entries of the state up to which matrices of derivatives are made for a target
 WIDEST = 200
 MATRICES = ("jacobian", "derivatives", "dynamics_hessian")
+COLUMNS = ("jacobian_t",)  # what is called like a matrix and has one entry for each state
 
 
 def _fits(program: Program) -> str:
@@ -41,7 +42,7 @@ def affordable(needs: Collection[str], states: int) -> tuple[str, ...]:
     matrices, which have a million entries for a thousand."""
     if states <= WIDEST:
         return tuple(needs)
-    return tuple(name for name in needs if not name.startswith(MATRICES))
+    return tuple(name for name in needs if name in COLUMNS or not name.startswith(MATRICES))
 
 
 def unsteady(program: Program, taker: str) -> str:

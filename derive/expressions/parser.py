@@ -43,6 +43,10 @@ _TOKEN = re.compile(
 )
 
 
+# Characters of set type, and how formulas write them.
+TYPESET = {"°": "deg", "·": "*", "×": "*", "²": "^2", "³": "^3", "−": "-", "÷": "/", "√": "sqrt(…)"}
+
+
 class _Token(NamedTuple):
     kind: str
     text: str
@@ -439,12 +443,11 @@ class _Parser:
                 token.at,
                 expected,
             )
-        kind = (
-            f"unexpected character {token.text!r}"
-            if token.kind == "other"
-            else f"unexpected '{token.text}'"
-        )
-        self._refuse(kind, token.at, expected)
+        if token.kind != "other":
+            self._refuse(f"unexpected '{token.text}'", token.at, expected)
+        plain = TYPESET.get(token.text)
+        hint = f"in a formula it is written {plain}" if plain else ""
+        self._refuse(f"unexpected character {token.text!r}", token.at, expected, hint)
 
     def _enter(self, token: _Token) -> None:
         self.depth += 1

@@ -167,7 +167,8 @@ class Reader:
     ) -> Expression:
         plain = None if PLAIN.fullmatch(scalar.text) else quantity(scalar.text)
         bracketed = "(" in scalar.text  # 10 N/(m) may be a unit, or a force by the model's own m
-        if plain is not None and plain.unit and wanted is not None and not bracketed:
+        of_place = wanted is not None or allowed == CONSTANT
+        if plain is not None and plain.unit and of_place and not bracketed:
             return self._of_unit(plain, scalar.text, where, wanted)
         text = scalar.text
         names = self.scope.usable(allowed)
@@ -209,10 +210,10 @@ class Reader:
         if known and not _tabulated(formula):
             number(formula, self.values, text)
 
-    def _of_unit(self, plain: Number, text: str, where: str, wanted: str) -> Number:
-        """A number with a unit: where the unit is right its symbols are units, even if the model
-        has parameters called m or s."""
-        if _fits(dimension_of(plain.unit), dimension_of(wanted)):
+    def _of_unit(self, plain: Number, text: str, where: str, wanted: str | None) -> Number:
+        """A number with a unit: where the unit is right, or where a constant of any unit can stand,
+        its symbols are units, even if the model has parameters called m or s."""
+        if wanted is None or _fits(dimension_of(plain.unit), dimension_of(wanted)):
             return plain
         own = [word for word in re.findall(r"[A-Za-z_]\w*", text) if word in self.scope.symbols]
         hint = (

@@ -125,6 +125,8 @@ def program_for(equations: Equations, options: BuildOptions) -> Program:
 
 def _is_possible(equations: Equations, name: str) -> bool:
     """Whether the model has that function; inputs that give every ẇ it may not have."""
+    if any(function.name == name for function in equations.functions):
+        return True
     request = request_of(equations, name)
     if request is None or request.name != "inverse_dynamics_u":
         return request is not None

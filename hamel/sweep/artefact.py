@@ -41,7 +41,8 @@ def packed(
     """Equations → artefact, and the module in it for whoever verifies it."""
     program = program_of(equations, None, integrators, enforcements, real)
     texts = dict(emit(program))
-    states = shipped(equations, {kernel.name for kernel in program.kernels}, 0)
+    emitted = {kernel.name for kernel in program.kernels}
+    states = shipped(equations, emitted, 0, real=program.real)
     texts[VERIFICATION] = json.dumps({"functions": states})
     with compiled(program.name, texts) as folder:
         if folder.message:

@@ -34,7 +34,7 @@ from hamel.show import number, refusals, table
 from hamel.verify import Verification, verification
 from hamel.verify.mutation.mutations import mutations
 from hamel.verify.published import INTEGRATOR, published_checks
-from hamel.verify.shipped import shipped, shipped_checks
+from hamel.verify.shipped import FOR_TARGETS, shipped, shipped_checks
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from hamel.verify.targets import Subject
 
 SHOWN = 5  # files that are named at once
-NUMBERS = 1_000_000  # of arguments and values that targets are compared at, over all functions
 
 
 def run(
@@ -120,7 +119,8 @@ def target_subject(
     fit."""
     emitted = [kernel.name for kernel in program.kernels]
     with compiled(program.name, emit(program)) as made:
-        rows = shipped(with_emitted(equations, program), emitted, seed, states, NUMBERS)
+        checked = with_emitted(equations, program)
+        rows = shipped(checked, emitted, seed, states, FOR_TARGETS, real=program.real)
         yield subject_of(program, made.module, rows)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from codegen.loader import part
-from codegen.reals import FLOAT64
+from codegen.reals import FLOAT64, Real
 from codegen.seal import VERIFICATION
 from derive.diagnostics import VerificationError
 from derive.formulations.records import Equations
-from hamel.verify.checks.evidence import Evidence, Row, roundoff
+from hamel.verify.checks.evidence import Evidence, Row, likely_roundoff
 from hamel.verify.long import is_long, shipped_rows
 from hamel.verify.records import CheckResult
 from hamel.verify.reference.outcome import reference
@@ -29,12 +29,18 @@ from hamel.verify.suite import evidence
 
 STATES = 3
 MOST = 20_000  # numbers, over all functions
+FOR_TARGETS = 1_000_000  # of those that targets are compared at, which nothing keeps
 ARGUMENT = 8  # digits of arguments
 VALUE = 11  # digits of values
-MANY = 8.0  # times the running error bound: every other order of operations stays within
+MANY = 8.0  # times the roundoff that is likely: every other order of operations stays within
 TOLERANCE = 1e-10  # relative to the largest entry: ten times what rounding the values does
 COARSE = 1e-4  # of a module in float32, whose arguments are rounded once more
 BACKENDS = {"extension": "extension", "_library": "ctypes", "_numpy": "NumPy"}
+
+
+def tolerance_of(double: bool) -> float:
+    """Relative to the size of a result, in either precision."""
+    return TOLERANCE if double else COARSE
 
 
 def shipped(
@@ -44,24 +50,26 @@ def shipped(
     states: int = STATES,
     most: int = MOST,
     module: ModuleType | None = None,
+    real: Real = FLOAT64,
 ) -> dict[str, Any]:
     """Emitted function → {"t", "x", "u", "p", "expected", "size"}, a row for
     each state, of every chart.
 
-    `size` is the largest entry of the result or, where it cancels, of what roundoff leaves there.
+    `size` is the largest entry of the result or, where it cancels, of what roundoff leaves there in
+    a module of the precision `real`.
 
     Functions of very large models are left out from where there would be more than `most` numbers.
     Values of a long tree, whose equations are not written out, are those that the reference finds
     balanced in its `module`.
     """
     if module is not None and is_long(equations, module):
-        return _of_long(equations, module, seed, states, most)
+        return _of_long(equations, module, seed, states, most, real)
     seen = evidence(reference(equations.system.model), equations, None, states, seed)
     results: dict[str, Any] = {}
     numbers = 0
     for suffix, chart in _charts(seen):
         for name in chart.graph.functions:
-            rows = _rows(chart, name) if name + suffix in emitted else {}
+            rows = _rows(chart, name, real) if name + suffix in emitted else {}
             numbers += _size(rows)
             if rows and numbers <= most:
                 results[name + suffix] = rows
@@ -69,21 +77,16 @@ def shipped(
 
 
 def _of_long(
-    equations: Equations, module: ModuleType, seed: int, states: int, most: int
+    equations: Equations, module: ModuleType, seed: int, states: int, most: int, real: Real
 ) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     numbers = 0
     for name, kept in shipped_rows(equations, module, seed, states):
-        rows = []
-        for (t, x, u, p), value in kept:
-            size = _largest(value)
-            expected = _rounded(value, VALUE, size)
-            rows.append((t, x.tolist(), u.tolist(), p.tolist(), expected, float(f"{size:.2g}")))
-        columns: dict[str, Any] = dict(zip(("t", "x", "u", "p", "expected", "size"), zip(*rows)))
-        numbers += _size(columns)
-        if rows and numbers <= most:
-            found[name] = columns
-    return found
+        numbers += sum(1 + np.size(value) + sum(map(np.size, row)) for row, value in kept)
+        if kept and numbers <= most:
+            places, values = zip(*kept)
+            results[name] = _columns(places, values, _sizes(equations, name, places, values, real))
+    return results
 
 
 def _charts(seen: Evidence) -> Iterator[tuple[str, Evidence]]:
@@ -93,13 +96,28 @@ def _charts(seen: Evidence) -> Iterator[tuple[str, Evidence]]:
         yield f"_chart{number}", there
 
 
-def _rows(seen: Evidence, name: str) -> dict[str, Any]:
+def _rows(seen: Evidence, name: str, real: Real) -> dict[str, Any]:
     """Arguments and values of one function; nothing where a value is not finite."""
     places = [_argument(row) for row in seen.rows_of(name)]
+    values = [np.ravel(seen.graph.iterated(name, *place)) for place in places]
+    sizes = _sizes(seen.graph.equations, name, places, values, real)
+    return _columns(places, values, sizes)
+
+
+def _sizes(
+    equations: Equations, name: str, places: Sequence[Row], values: Sequence[np.ndarray], real: Real
+) -> list[float]:
+    """In terms of which errors are told: the largest entry, or what counts as roundoff."""
+    errors = MANY * real.coarseness * likely_roundoff(equations, name, places, real)
+    counted = errors / tolerance_of(real is FLOAT64)
+    return [max(_largest(value), _largest(error)) for value, error in zip(values, counted)]
+
+
+def _columns(
+    places: Sequence[Row], values: Sequence[np.ndarray], sizes: Sequence[float]
+) -> dict[str, Any]:
     rows = []
-    for (t, x, u, p), errors in zip(places, roundoff(seen.graph, name, places, FLOAT64)):
-        value = np.ravel(seen.graph.iterated(name, t, x, u, p))
-        size = max(_largest(value), MANY * _largest(errors) / TOLERANCE)
+    for (t, x, u, p), value, size in zip(places, values, sizes):
         if np.isfinite(value).all() and math.isfinite(size):
             expected = _rounded(value, VALUE, size)
             rows.append((t, x.tolist(), u.tolist(), p.tolist(), expected, float(f"{size:.2g}")))
@@ -161,7 +179,7 @@ def _check(name: str, backend: Any, functions: Mapping[str, Any]) -> CheckResult
         _error(getattr(backend, function, None), rows) for function, rows in functions.items()
     ]
     value = max((math.inf if math.isnan(error) else error for error in errors), default=math.inf)
-    tolerance = TOLERANCE if _is_double(functions, backend) else COARSE
+    tolerance = tolerance_of(_is_double(functions, backend))
     about = "every function at the states that were shipped, against the values expected there"
     return CheckResult(f"{name} = shipped values", value, tolerance, value <= tolerance, about)
 

@@ -19,7 +19,7 @@ from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
 from derive.states import sampling
 from hamel.verify.checks.compare import Sums, worst
-from hamel.verify.checks.roundoff import bound
+from hamel.verify.checks.roundoff import bound, estimate
 from hamel.verify.checks.units import Units, units
 from hamel.verify.limits import ROUNDING, SMALL
 from hamel.verify.reference.outcome import (
@@ -175,10 +175,21 @@ def all_parameters(system: System, p: Array) -> Array:
 def roundoff(graph: Evaluator, name: str, rows: Sequence[Row], real: Real) -> Array:
     """A bound of the roundoff in a function's result for each (t, x, u, p), states × entries, in
     units of double."""
-    function = graph.equations.function(name)
+    return bound(*_written(graph.equations, name, rows), real)
+
+
+def likely_roundoff(equations: Equations, name: str, rows: Sequence[Row], real: Real) -> Array:
+    """The same as it is likely, not at its worst: of a long chain the bound says nothing."""
+    return estimate(*_written(equations, name, rows), real)
+
+
+def _written(
+    equations: Equations, name: str, rows: Sequence[Row]
+) -> tuple[list[ca.SX], ca.SX, Array]:
+    """Arguments and result of a function, and the arguments' entries for each row."""
+    function = equations.function(name)
     states = np.array([np.concatenate([np.ravel(part) for part in row]) for row in rows])
-    value = ca.densify(function.result.value)
-    return bound(slots_of(graph.equations, function), value, states, real)
+    return slots_of(equations, function), ca.densify(function.result.value), states
 
 
 def margins(graph: Evaluator, name: str, rows: Sequence[Row], real: Real) -> Array:

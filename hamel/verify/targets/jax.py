@@ -60,14 +60,13 @@ def _derivatives(subject: Subject, jax: ModuleType, dynamics: Any) -> list[Check
 
     @jax.jit
     def forward(t: Any, x: Any, u: Any, p: Any) -> Any:
-        along = (0.0, x[nx : 2 * nx], x[2 * nx :], jax.numpy.zeros_like(p))
-        return jax.jvp(dynamics, (t, x[:nx], u, p), along)[1]
+        along = (x[nx : 2 * nx], x[2 * nx :])
+        return jax.jvp(lambda x, u: dynamics(t, x, u, p), (x[:nx], u), along)[1]
 
     @jax.jit
     def adjoint(t: Any, x: Any, u: Any, p: Any) -> Any:
-        value, back = jax.vjp(dynamics, t, x[:nx], u, p)
-        _, by_x, by_u, _ = back(x[nx:].astype(value.dtype))
-        return jax.numpy.concatenate([by_x, by_u])
+        value, back = jax.vjp(lambda x, u: dynamics(t, x, u, p), x[:nx], u)
+        return jax.numpy.concatenate(back(x[nx:].astype(value.dtype)))
 
     nx = subject.module.nx
     derivatives = []

@@ -15,7 +15,7 @@ import numpy as np
 
 from derive.diagnostics import ToolchainError
 from hamel.verify.records import CheckResult
-from hamel.verify.shipped import COARSE, TOLERANCE
+from hamel.verify.shipped import tolerance_of
 
 NOTHING = 1e-300  # the size of a result that is zero
 Row = tuple[float, np.ndarray, np.ndarray, np.ndarray]
@@ -38,7 +38,7 @@ class Subject:
     def tolerance(self) -> float:
         """What another order of operations may do to the last digits: that of the values that are
         shipped beside a module."""
-        return TOLERANCE if self.module.defaults.dtype == np.float64 else COARSE
+        return tolerance_of(self.module.defaults.dtype == np.float64)
 
     def row(self, name: str, k: int) -> Row:
         """The arguments of state k, with the module's usual frame behind the parameters where it

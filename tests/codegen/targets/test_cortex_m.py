@@ -48,7 +48,7 @@ def on_board(base, model, choice=None):
         options = BuildOptions(functions=("dynamics",), targets=("cortex-m",), real="float32")
         made = program_for(equations, options)
         names = [kernel.name for kernel in made.kernels]
-        rows = shipped(with_emitted(equations, made), names, 0)
+        rows = shipped(with_emitted(equations, made), names, 0, real=made.real)
         folder = published(made, base / made.name).folder
         return subject_of(made, loader.load(folder), rows)
 

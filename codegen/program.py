@@ -32,6 +32,7 @@ CALLED = (
     "manifold",
     "jacobian",
     "jacobian_t",
+    "kinks",
     "events",
 )
 KINDS = ("add", "multiply", "divide", "sqrt", "sin", "cos", "other")

@@ -129,11 +129,29 @@ class VerificationError(HamelError):
     exit_code = 4
 
 
+# What other tools call what has another name here.
+SYNONYMS = {
+    **dict.fromkeys(("hinge", "pin", "continuous", "rotational", "rotary"), "revolute"),
+    **dict.fromkeys(("slide", "slider", "translational", "linear"), "prismatic"),
+    **dict.fromkeys(("spherical", "socket"), "ball"),
+    **dict.fromkeys(("weld", "rigid"), "fixed"),
+    **dict.fromkeys(("floating", "freejoint"), "free"),
+    **dict.fromkeys(("world", "inertial", "origin"), "ground"),
+    "damping": "damper",
+    "stiffness": "spring",
+    "links": "bodies",
+    "constants": "parameters",
+    "initial_conditions": "initial",
+}
+
+
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
     """The known name that was probably meant, or None."""
-    known = [known for known in dict.fromkeys(candidates) if _similar_length(known, name)][
-        :COMPARED
-    ]
+    every = dict.fromkeys(candidates)
+    synonym = SYNONYMS.get(name.lower())
+    if synonym in every:
+        return synonym
+    known = [known for known in every if _similar_length(known, name)][:COMPARED]
     for (
         candidate
     ) in known:  # wrong case is the commonest slip, and difflib sees `X` and `x` as strangers

@@ -389,7 +389,6 @@ def identify(model: str, data: str | None, base: bool, excite: str | None, **opt
 @click.option(
     "--compare",
     nargs=2,
-    default=(),
     metavar="A B",
     help="Put two methods side by side: formulations, choices or enforcements by name.",
 )
@@ -403,10 +402,10 @@ def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> An
         for kind in ("formulations", "choices", "enforcements", "integrators")
     }
     tolerances = number_list(options.pop("tolerances"))
+    pair = options.pop("compare") or ()
+    chosen = {**names, **options, "tolerances": tolerances, "compare": pair}
     with bar(1.0, "running") as progress:
-        return hamel.report(
-            models, values=values, tolerances=tolerances, progress=progress, **names, **options
-        )
+        return hamel.report(models, values=values, progress=progress, **chosen)
 
 
 @verb

@@ -403,6 +403,7 @@ class Simulated:
     crossings: (
         int  # singular positions on the way; two ways across each agreed within the tolerance
     )
+    landings: int  # steps that end where forces go on to another piece
     charts: int  # that the enforcement used, 0 where it has none
     switches: tuple[Switch, ...]  # of the choice of quasi-velocities
     moved: Mapping[str, Mapping[str, float]]

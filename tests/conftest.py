@@ -45,8 +45,17 @@ LONG = {
         *("third_crank", "scale_metre"),
         "change_point",
     ),
-    "test_published_digits": ("andrews", "car_axis", "pendulum-options6"),
-    "test_wrong_terms_of_the_system_are_caught": ("four_bar", "snake3", "rolling_disk"),
+    "test_published_digits": ("andrews", "car_axis", "pendulum-options5", "pendulum-options6"),
+    "test_wrong_terms_of_the_system_are_caught": (
+        *("four_bar", "snake3", "rolling_disk", "bead_in_bowl"),
+    ),
+    "test_no_pivot_of_an_accepted_choice_vanishes_at_the_initial_state": (
+        *("andrews", "spatial_four_bar", "snake3"),
+    ),
+    "test_momenta_that_nothing_changes_are_found_and_their_change_is_caught": ("tumbling",),
+    "test_what_is_nothing_but_rounding_is_not_compared_with_itself": ("leaning disk",),
+    "test_no_double_in_any_enforcement_or_integrator": ("four_bar",),
+    "test_loops_give_what_straight_code_gives": ("text1",),
     "test_every_planted_error_is_caught": (
         "free_body",
         "bead_on_wire",
@@ -71,11 +80,11 @@ LONG = {
         "lean_frame",
     ),
     "test_models_of_every_kind_pass": (
-        "everything-augmented",
+        "everything",
         "redundant-augmented",
     ),
     "test_the_verdict_does_not_depend_on_the_units": ("four_bar",),
-    "test_mechanisms": ("augmented-spatial_four_bar",),
+    "test_mechanisms": ("augmented-spatial_four_bar", "round_2"),
     "test_one_chart_where_a_choice_is_safe_or_named": ("bicycle",),
     "test_linkages_that_can_be_laid_flat": ("kite",),
     "test_the_motion_does_not_depend_on_how_it_is_formed": (
@@ -92,6 +101,10 @@ LONG = {
 SLOW = frozenset(
     {
         "test_rows",
+        "test_failed_verification_is_exit_code_4",
+        "test_interrupted_build_leaves_nothing",
+        "test_the_control_loop_reaches_its_heading",
+        "test_every_wrong_sign_is_seen",
         "test_simulate_goes_through_and_says_so",
         "test_a_chain_of_ten_thousand_links_is_read",
         "test_a_loop_over_columns_gives_the_same",

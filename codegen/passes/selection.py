@@ -24,11 +24,12 @@ def spelled_out(integrators: Sequence[str]) -> tuple[str, ...]:
 
 def watched_functions(equations: Equations) -> list[str]:
     """Pivots that can vanish, and by what to tell whether the constraints or the choice fail
-    then; and events."""
+    then; kinks and events."""
     known = [request.name for request in equations.requests]
     guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
     events = [function.name for function in equations.functions if function.name == "events"]
-    return [x for x in ("guards", "constraint_rows") if guarded and x in known] + events
+    steps = [x for x in ("guards", "constraint_rows") if guarded and x in known]
+    return [*steps, *(x for x in ("kinks",) if x in known), *events]
 
 
 def _names_of(equations: Equations) -> list[str]:

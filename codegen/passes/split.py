@@ -9,20 +9,31 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from codegen.program import Expression, Kernel, Load, Pivot, Section, Statement
 
 WHOLE = 1_000  # statements that a function may have and stay in one piece
 LONGEST = 250  # statements in one part of a longer one
+COPIED = 500  # results from which on a loop copies them
 
 Slot = tuple[str, int]  # a local name and its place in the workspace
+
+
+@dataclass(frozen=True)
+class Copy:
+    """`count` results from `first` on are the entries of an argument from `index` on."""
+
+    first: int
+    argument: str
+    index: int
+    count: int
 
 
 @dataclass
 class Part:
     """Statements with what they take from the workspace and what they leave in it; `outputs` are
-    numbered."""
+    numbered, `copies` are further ones."""
 
     loads: tuple[Load, ...] = ()
     taken: list[Slot] = field(default_factory=list[Slot])
@@ -31,6 +42,7 @@ class Part:
     guards: list[Pivot] = field(default_factory=list[Pivot])
     kept: list[Slot] = field(default_factory=list[Slot])
     residual: Expression | None = None
+    copies: tuple[Copy, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -47,7 +59,9 @@ def split(kernel: Kernel) -> Parts:
     A result or guard belongs to the first part after which all that it needs is known; the residual
     of a loop to the last. The sequence of statements is that of the kernel.
     """
-    parts = [Part(sections=sections) for sections in _cut(kernel.sections)]
+    parts = [Part(sections=sections) for sections in _cut(kernel)]
+    parts[-1].copies = _copies(kernel)
+    copied = {i for copy in parts[-1].copies for i in range(copy.first, copy.first + copy.count)}
     home = {
         s.name: k
         for k, part in enumerate(parts)
@@ -55,31 +69,63 @@ def split(kernel: Kernel) -> Parts:
         for s in section.statements
     }
     for i, value in enumerate(kernel.computed):
-        parts[_ready(value, home)].outputs.append((i, value))
+        if i not in copied:
+            parts[_ready(value, home)].outputs.append((i, value))
     for guard in kernel.guards:
         parts[_ready(guard.value, home)].guards.append(guard)
     if kernel.loop:
         parts[-1].residual = kernel.loop.residual
     first = len(kernel.solving.values) if kernel.solving else 0
     reads = [list(dict.fromkeys(_read(part))) for part in parts]
+    order = {load.name: k for k, load in enumerate(kernel.loads)}
     for part, names in zip(parts, reads):
-        wanted = set(names)
-        part.loads = tuple(load for load in kernel.loads if load.name in wanted)
+        places = sorted(order[name] for name in names if name in order)
+        part.loads = tuple(kernel.loads[k] for k in places)
     return Parts(tuple(parts), _share_slots(parts, reads, home, first))
 
 
 def is_long(kernel: Kernel) -> bool:
     """Is it cut into parts?"""
-    return sum(len(section.statements) for section in kernel.sections) > WHOLE
+    return _count(kernel) > 1
 
 
-def _cut(sections: Sequence[Section]) -> list[tuple[Section, ...]]:
+def _count(kernel: Kernel) -> int:
+    """Of parts. A long function of few statements is one that sums up very many entries."""
+    total = sum(len(section.statements) for section in kernel.sections)
+    entries = len(kernel.loads) - sum(copy.count for copy in _copies(kernel))
+    lines = total + entries if entries > WHOLE else total
+    return min(total, -(-lines // LONGEST)) if lines > WHOLE else 1
+
+
+def _copies(kernel: Kernel) -> tuple[Copy, ...]:
+    """Where a result repeats an argument at length, as the velocities of a long chain do."""
+    if kernel.loop or kernel.solving:
+        return ()
+    loads = {load.name: load for load in kernel.loads if load.argument != "t"}
+    copies: list[Copy] = []
+    for i, value in enumerate(kernel.outputs):
+        load = loads.get(value) if isinstance(value, str) else None
+        if load is None:
+            continue
+        last = copies[-1] if copies else None
+        if last and last.argument == load.argument and _follows(last, i, load.index):
+            copies[-1] = replace(last, count=last.count + 1)
+        else:
+            copies.append(Copy(i, load.argument, load.index, 1))
+    return tuple(copy for copy in copies if copy.count >= COPIED)
+
+
+def _follows(copy: Copy, i: int, index: int) -> bool:
+    return (copy.first + copy.count, copy.index + copy.count) == (i, index)
+
+
+def _cut(kernel: Kernel) -> list[tuple[Section, ...]]:
     """Sections cut into pieces of nearly equal length."""
-    total = sum(len(section.statements) for section in sections)
-    count = 1 if total <= WHOLE else -(-total // LONGEST)
+    total = sum(len(section.statements) for section in kernel.sections)
+    count = _count(kernel)
     pieces: list[list[Section]] = [[] for _ in range(count)]
     done = 0
-    for section in sections:
+    for section in kernel.sections:
         rest = section.statements
         while rest:
             k = done * count // total

@@ -334,7 +334,8 @@ def _remark(queue: Queue, error: Any) -> None:
         error = watch.callback.error
     elif first != Status.NO_INPUT:
         error = None
+    cause = facts.cause(first, queue.by.how["enforcement"])
     queue.by.remarks.append(
         f"{facts.name}.simulate: {failed.size} of {queue.rows} motions ended early, their rows "
-        f"from there are NaN; motion {failed[0]}: {facts.cause(first)}{because(error)}"
+        f"from there are NaN; motion {failed[0]}: {cause}{because(error)}"
     )

@@ -4,7 +4,7 @@ The same file in every generated folder. No claim of licence is made on it: 0BSD
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -110,6 +110,8 @@ class Facts:
     framed: int = 0  # the chart whose they are
     turning: tuple[int, ...] = ()  # coordinates in which nothing on the way sees a whole turn
     turn: tuple[float, float] = (0.0, 0.0)  # 2π: the nearest number, and what is left
+    # by enforcement, what else than the choice may be singular where a motion stops
+    stops: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -131,7 +133,7 @@ class Facts:
         usual = ("steps", "rejected", "calls", "position_violation", "velocity_violation")
         switches = ("switches",) if self.charts else ()
         bases = ("bases",) if self.frame else ()
-        return (*usual, "crossings", "charts", *switches, *bases)
+        return (*usual, "crossings", "landings", "charts", *switches, *bases)
 
     @cached_property
     def rows(self) -> dict[str, tuple[tuple[int, ...], float]]:
@@ -161,7 +163,8 @@ class Facts:
     @cached_property
     def end(self) -> np.dtype[Any]:
         """NAME_end of NAME_simulate.h."""
-        counts = ("steps", "rejected", "calls", "crossings", "charts", "switches", "bases")
+        counts = ("steps", "rejected", "calls", "crossings", "landings")
+        counts = (*counts, "charts", "switches", "bases")
         reals = ("t", "position_violation", "velocity_violation")
         entries: list[tuple[str, Any]] = [("status", "i"), *((name, "l") for name in counts)]
         return np.dtype([*entries, *((name, self.real) for name in reals)], align=True)
@@ -195,6 +198,11 @@ class Facts:
         """With the usual frame where none is given."""
         return self.nullspace.full(p) if self.nullspace and self.frame else p
 
-    def cause(self, status: Status) -> str:
-        """Of a stop, in words."""
-        return self.shared.FUNCTIONS["dynamics"][3] if status == Status.SINGULAR else status.cause
+    def cause(self, status: Status, enforcement: int) -> str:
+        """Of a stop under an enforcement, in words."""
+        if status == Status.SINGULAR:
+            return self.shared.FUNCTIONS["dynamics"][3]
+        stop = self.stops.get(self.enforcements[enforcement])
+        if status == Status.SINGULAR_CHOICE and stop:
+            return f"{status.cause}; or {stop}"
+        return status.cause

@@ -19,6 +19,7 @@ from .numpy_changes import (
     take_frame,
 )
 from .numpy_guards import begin, looked, passed, remember
+from .numpy_kinks import Landing, crossed, landing
 from .numpy_motion import Failed, Motion
 from .simulation import Status
 
@@ -150,6 +151,8 @@ def _start(motion: Motion, span: Any) -> None:
     motion.refresh()
     state["next_step"] = state["step_size"] or _first_step(motion, span)
     state["error"] = RESTART
+    if motion.facts.lengths["kinks"]:
+        state["landed"] = 0
     motion.watch_constraints()
     if motion.buffers is not None:
         motion.buffers.sign[0] = np.sign(motion.events(state["t"], state["x"]))
@@ -186,6 +189,7 @@ class Trial:
     slope: Any = None
     guards: Any = None
     stops: bool = False
+    landing: Landing | None = None  # where forces are in pieces
 
 
 def _next_size(motion: Motion, left: Any) -> Any:
@@ -222,19 +226,36 @@ def _make(motion: Motion, trial: Trial) -> None:
     t, h = state["t"], trial.h
     trial.end = trial.goal if trial.last else t + h
     step, z, error = motion.stepped(t, h, state["x"], state["slope"].copy())
+    if motion.facts.lengths["kinks"]:
+        trial.landing = landing(motion, step, z, error)
+        if trial.landing.step is not step:
+            step, z, error = trial.landing.step, trial.landing.z, trial.landing.error
+            trial.h, trial.end = step.h, trial.landing.end
+            trial.last |= trial.landing.number > 0  # what was wanted is the size of the next one
     trial.error = 0.0 if state["step_size"] else error
     if not trial.error <= 1:
         return
     trial.z, trial.slope = motion.settled(trial.end, z, step.stages[-1])
     if guarded:
         trial.guards = passed(motion, step, trial.end, trial.z, trial.slope)
-    if motion.buffers is None:
-        return
-    stop = motion.event_inside(step, trial.z, trial.slope)
+    stop = motion.event_inside(step, trial.z, trial.slope) if motion.buffers else None
     if stop is not None:
         trial.stops, (trial.end, trial.z, trial.slope) = True, stop
         if guarded:
             trial.guards, _ = looked(motion, trial.end, trial.end - t, trial.z)
+    else:
+        _go_across(motion, trial)
+
+
+def _go_across(motion: Motion, trial: Trial) -> None:
+    """Behind the kink that the step ends before. Raises Failed."""
+    before = trial.landing
+    if before is None or not before.number:
+        return
+    before.z, before.step.stages[-1] = trial.z, trial.slope  # as the enforcement left them
+    if (behind := crossed(motion, before, trial.goal)) is not None:
+        trial.end, trial.z, trial.slope = behind
+        trial.h = trial.end - motion.state["t"]
 
 
 def _failed(motion: Motion, trial: Trial, failure: Failed) -> int:
@@ -272,7 +293,20 @@ def _accept(motion: Motion, trial: Trial) -> int:
     motion.watch_constraints()
     is_based_anew(motion)
     enter_best(motion)
+    if motion.facts.lengths["kinks"]:
+        _land(motion, trial)
     return Status.EVENT if trial.stops else Status.OK
+
+
+def _land(motion: Motion, trial: Trial) -> None:
+    """Behind a kink the size of the next step is another one."""
+    state = motion.state
+    state["landed"] = trial.landing.number if trial.landing and not trial.stops else 0
+    if not state["landed"]:
+        return
+    state["landings"] += 1
+    if not state["step_size"]:
+        state["next_step"] = _first_step(motion, state["next_step"])
 
 
 def _control(motion: Motion, trial: Trial) -> None:

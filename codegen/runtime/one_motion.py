@@ -162,17 +162,8 @@ class Single:
             callback = self.by.watch.callback
         error = callback.error if callback else None
         where = f"{self.by.facts.name}.simulate stopped at t = {self.course.time!r}"
-        cause = f"{self._cause(found.status)}{because(error)}"
-        raise Stopped(f"{where}: {cause}", found) from error
-
-    def _cause(self, status: Status) -> str:
-        facts = self.by.facts
-        enforcement = facts.enforcements[int(self.course.state["enforcement"][0])]
-        cause = facts.cause(status)
-        if status == Status.SINGULAR_CHOICE and enforcement == "selective":
-            selected = "the coordinates that were selected at the start"
-            return f"{selected}, or {cause}; partitioning selects anew"
-        return cause
+        cause = self.by.facts.cause(found.status, int(self.course.state["enforcement"][0]))
+        raise Stopped(f"{where}: {cause}{because(error)}", found) from error
 
 
 def because(error: Any) -> str:

@@ -7,7 +7,8 @@
        MODEL_dynamics(r)   the function f(t, x, u, p, out) that stands for dynamics, and so for power, project, constraints,
                            guards, closure, slip, manifold, jacobian and jacobian_t where there are such functions
        HAS_POWER ...       1 where there is one, else 0; TURNING how many coordinates go round
-       HAS_INPUTS          1 where there are inputs, which then may change on the way; EVENTS how many events the model has
+       HAS_INPUTS          1 where there are inputs, which then may change on the way; EVENTS how many events the model has,
+                           KINKS how many places where forces go on to another piece, KINKS_BY_INPUTS whether they depend on inputs
        FRAME               how many values of p, the last ones, are a frame that is based anew on the way; HAS_ROWS whether the
                            independence of the constraint rows can be asked for
        PROJECTION ...      the numbers of the enforcements, -1 of those that the module does not have

@@ -90,6 +90,7 @@ static void finish(const Motions *all, size_t row, const Motion *m, int status)
     end->rejected = s->rejected;
     end->calls = s->calls;
     end->crossings = s->crossings;
+    end->landings = s->landings;
     end->charts = s->charts;
     end->position_violation = s->position_violation;
     end->velocity_violation = s->velocity_violation;
@@ -627,6 +628,28 @@ static inline void lanes_watched(const Motions *all, const Tableau *m, Lanes *w)
         w->motion[lane].s.calls += w->good[lane] && w->bad[lane] == 0.0 ? m->extra : 0;
 }
 
+#if KINKS
+/* Lanes with a kink on their way, accepted or not, are not plain. */
+static inline void lanes_kinked(Lanes *w)
+{
+    double y[N], own[N], z[N], next[N];
+    int i, lane, which;
+    for (lane = 0; lane < LANES; lane++) {
+        Motion *const m = w->motion + lane;
+        if (!w->busy[lane] || w->bad[lane] != 0.0)
+            continue;
+        for (i = 0; i < N; i++) {
+            y[i] = w->y[i * LANES + lane];
+            own[i] = w->own[i * LANES + lane];
+            z[i] = w->z[i * LANES + lane];
+            next[i] = w->next[i * LANES + lane];
+        }
+        if (first_kink(&m->run, m->s.landed, w->t[lane], w->h[lane], y, own, z, next, &which) < 1.0)
+            w->bad[lane] = 1.0;
+    }
+}
+#endif
+
 /* Good lanes take their step. */
 static inline void lanes_accept(Lanes *w)
 {
@@ -673,6 +696,9 @@ static int stepped(const Motions *all, Lanes *w, int lane, double error, double 
         w->error[lane] = error > 1e-4 ? error : 1e-4;
     }
     s->steps++;
+#if KINKS
+    s->landed = 0;
+#endif
     s->t = w->t[lane] = w->end[lane];
     m->failed = OK;
 #if TURNING
@@ -781,6 +807,9 @@ static void side_by_side(const Motions *all, const Method *method, Lanes *w)
         memset(w->bad, 0, sizeof w->bad);
         memset(w->moved, 0, sizeof w->moved);
         lanes_step(all, tableau, w, error);
+#if KINKS
+        lanes_kinked(w);
+#endif
         memcpy(stray, w->bad, sizeof stray);
         {
             Vector log, part;

@@ -234,6 +234,9 @@ static int start(Run *r, const Method *method, double span)
 #if HIGHEST_ORDER
     s->expanded = 0;
 #endif
+#if KINKS
+    s->landed = 0;
+#endif
     s->error = 1e-4;
     watch(r);
     return s->events ? events_begin(r) : OK;
@@ -291,10 +294,14 @@ static int ready(Run *r, const Method *method, double span)
 static int advance(Run *r, const Method *method, double time, double left, double h, int *failed)
 {
     Simulation *const s = r->s;
-    const int fixed = s->step_size > 0.0, last = h >= left;
+    const int fixed = s->step_size > 0.0;
     const double t = s->t;
+    int last = h >= left;
     double end = last ? time : t + h, z[N], next[N], error, ratio;
     int stops = 0, crossed = 0;
+#if KINKS
+    Trial trial = {h, end, 0.0, 0.0, z, next, 0};
+#endif
 #if HAS_GUARDS
     Dense *const dense = r->dense;
     const long crossings = s->crossings;
@@ -309,6 +316,14 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
 #endif
     if (fixed)
         error = 0.0;
+#if KINKS
+    if (status == OK || fixed) {
+        trial.error = error;
+        status = before_kink(r, method, status, &trial);
+        h = trial.h, end = trial.end, error = fixed ? 0.0 : trial.error;
+        last |= trial.kink; /* the size that was wanted is that of the next one, too */
+    }
+#endif
     if (status == OK && error <= 1.0)
         status = settled(r, end, z, next);
 #if HAS_GUARDS
@@ -350,6 +365,13 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
             return status;
 #endif
     }
+#if KINKS
+    if (trial.kink && !stops) {
+        trial.h = h;
+        across_kink(r, time, &trial);
+        h = trial.h, end = trial.end;
+    }
+#endif
     if (!fixed && !method->prepare) {
         ratio = shrinkage(s, error, method);
         if (!last || h / ratio > s->next_step)
@@ -357,6 +379,14 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
         s->error = fmax(error, 1e-4);
     }
     accept(r, stops ? end - t : h, end, z, next, seen);
+#if KINKS
+    s->landed = stops ? 0 : trial.kink;
+    if (s->landed) {
+        s->landings++;
+        if (!fixed && !method->prepare) /* what comes may be another kind of motion */
+            s->next_step = first_step(r, method->order, s->next_step);
+    }
+#endif
     return stops ? EVENT : OK;
 }
 

@@ -76,16 +76,16 @@ class Simulation:
     potential since the start.
 
     position_violation and velocity_violation are the largest that a constraint showed after any
-    step; crossings counts the singular positions that were crossed, charts those that an
-    enforcement used. With several choices of quasi-velocities v are the generalized velocities,
-    chart the number of the choice at each time, switches their changes. Where angles go round,
-    reduced is x without whole turns, as it was integrated: the violations are of that. Where the
-    directions that w is measured along are based anew on the way, `bases` times, p has the
-    parameters of each row, with the frame in force behind them, which all functions take:
-    velocity(t, x, u, p). Where inputs change, u has those of each row; at a jump the new ones.
-    An event that stopped the motion is its last row, and its status EVENT. Where it was asked for,
-    error estimates how far every entry of x may be from the solution. integrator is the one that
-    stepped, also where "auto" was asked for.
+    step; crossings counts the singular positions that were crossed, landings the steps that end
+    where forces go on to another piece, charts those that an enforcement used. With several choices
+    of quasi-velocities v are the generalized velocities, chart the number of the choice at each
+    time, switches their changes. Where angles go round, reduced is x without whole turns, as it was
+    integrated: the violations are of that. Where the directions that w is measured along are based
+    anew on the way, `bases` times, p has the parameters of each row, with the frame in force behind
+    them, which all functions take: velocity(t, x, u, p). Where inputs change, u has those of each
+    row; at a jump the new ones. An event that stopped the motion is its last row, and its status
+    EVENT. Where it was asked for, error estimates how far every entry of x may be from the
+    solution. integrator is the one that stepped, also where "auto" was asked for.
     """
 
     t: np.ndarray
@@ -97,6 +97,7 @@ class Simulation:
     position_violation: float
     velocity_violation: float
     crossings: int = 0
+    landings: int = 0
     charts: int = 0
     status: Status = Status.OK
     v: np.ndarray | None = None

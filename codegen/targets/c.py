@@ -13,7 +13,7 @@ from typing import Any
 from codegen import text
 from codegen.passes.lanes import is_batched, side_by_side
 from codegen.passes.schedule import TURNS
-from codegen.passes.split import Part, names, split
+from codegen.passes.split import Copy, Part, names, split
 from codegen.program import BASE, PREVIOUS, Expression, Kernel, Program, Rolled, Section, Statement
 from codegen.targets.records import Target
 from codegen.targets.rolled import Text, c_text
@@ -201,6 +201,7 @@ def _piece(
         uses.add("work")
     if any(i < len(kernel.outputs) and _stands(kernel, value) for i, value in part.outputs):
         uses.add("out")
+    uses |= {name for copy in part.copies for name in ("out", copy.argument)}
     if part.residual is not None:
         uses.add("residual")
     given = (*"txupc", "work", "out", *(["residual"] if kernel.loop else []))
@@ -226,6 +227,7 @@ def _far(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterato
     yield ""
     yield from (_output(kernel, i, style) for i, value in part.outputs if _stands(kernel, value))
     yield from (_store_line(name, slot, style) for name, slot in part.kept)
+    yield from _copied(kernel, part.copies, style)
 
 
 def _near(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterator[str]:
@@ -255,6 +257,19 @@ def _near(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterat
         for i, value in part.outputs
         if not isinstance(value, str) and _stands(kernel, value)
     )
+    yield from _copied(kernel, part.copies, style)
+
+
+def _copied(kernel: Kernel, copies: Sequence[Copy], style: _Style) -> Iterator[str]:
+    for copy in copies:
+        ends = (_note(kernel, copy.first), _note(kernel, copy.first + copy.count - 1))
+        about = text.comment(" to ".join(ends))
+        target, source = (
+            style.entry.format(name, f"({first} + i)" if first else "i")
+            for name, first in (("out", copy.first), (copy.argument, copy.index))
+        )
+        yield f"for (int i = 0; i < {copy.count}; i++) /* {about} */"
+        yield f"    {target} = {source};"
 
 
 def _stands(kernel: Kernel, value: Expression) -> bool:
@@ -374,12 +389,17 @@ def _output(kernel: Kernel, i: int, style: _Style) -> str:
     if i >= kernel.size:  # what solving takes stands first in the workspace
         place = style.entry.format("work", i - kernel.size)
         return f"{place} = {_value(kernel.computed[i], style)};"
-    label = kernel.labels[i] if i < len(kernel.labels) else ""
-    unit = kernel.units[i] if i < len(kernel.units) else ""
-    note = text.comment(", ".join(part for part in (label, unit) if part))
+    note = text.comment(_note(kernel, i))
     return f"{style.entry.format('out', i)} = {_value(kernel.outputs[i], style)};" + (
         f" /* {note} */" if note else ""
     )
+
+
+def _note(kernel: Kernel, i: int) -> str:
+    """What an entry of the result is, with its unit."""
+    label = kernel.labels[i] if i < len(kernel.labels) else ""
+    unit = kernel.units[i] if i < len(kernel.units) else ""
+    return ", ".join(part for part in (label, unit) if part)
 
 
 def _stray(program: Program, kernel: Kernel, style: _Style) -> str:

@@ -111,6 +111,11 @@ def _piece(kernel: Kernel, part: Part, language: text.Language) -> Piece:
         outputs=tuple(
             f"{_target(kernel, i)} = {text.expression(value, language)}"
             for i, value in part.outputs
+        )
+        + tuple(
+            f"out[..., {copy.first}:{copy.first + copy.count}] = "
+            f"{copy.argument}[..., {copy.index}:{copy.index + copy.count}]"
+            for copy in part.copies
         ),
         kept=tuple(f"work[{slot}] = {name}" for name, slot in part.kept),
         guards=tuple(

@@ -31,6 +31,7 @@ from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
 from codegen.targets.records import Target
+from derive.enforcement import ENFORCEMENTS
 
 # The head of a simulation: kind, name, meaning.
 ENTRIES = (
@@ -43,6 +44,7 @@ ENTRIES = (
     ("long", "rejected", "rejected steps"),
     ("long", "calls", "evaluations of dynamics"),
     ("long", "crossings", "singular positions that were crossed"),
+    ("long", "landings", "steps that end where forces go on to another piece"),
     ("long", "charts", "charts that an enforcement used"),
     ("double", "position_violation", "the largest of a position constraint after a step"),
     ("double", "velocity_violation", "the largest of a velocity constraint after a step"),
@@ -55,6 +57,8 @@ OF_INPUTS = (
     ("{name}_inputs", "inputs", "what changes u on the way, NULL where nothing does"),
 )
 OF_EVENTS = (("{name}_watch", "events", "what is looked for on the way, NULL where nothing is"),)
+# Where forces are in pieces.
+OF_KINKS = (("int", "landed", "number of the kink that the last step ended at, from 1 on, or 0"),)
 # Where the module has several charts.
 OF_CHARTS = (
     ("int", "choice", "the chart that the state is in, by number"),
@@ -72,7 +76,8 @@ OF_SERIES = (
 INDEPENDENT = 0.02
 NEARLY_BASED = 0.9  # where a step fails the frame is based anew unless it is as good as new
 STEPPED = ("jacobian_u", "jacobian_forward")  # what the sensitivity of a step calls besides
-CHARTS = ("partitioning", "selective", "tangent")  # enforcements by coordinates
+CHARTS = tuple(e.name for e in ENFORCEMENTS if e.level == "stages")  # those by coordinates
+STOPS = {e.name: e.stop for e in ENFORCEMENTS if e.stop}
 FOLDER = Path(__file__).parents[1] / "runtime"
 STEP = "runtime_step.h"  # for modules that have a step alone
 OTHERS = ("runtime_fmi", "runtime_module")  # headers of FMUs and of the extension
@@ -91,6 +96,7 @@ SHARED = (
     "numpy_motion",
     "numpy_guards",
     "numpy_changes",
+    "numpy_kinks",
     "numpy_loop",
 )
 _BESIDE = re.compile(r"^from \.(?=[a-z])", re.MULTILINE)  # imports of each other
@@ -190,6 +196,7 @@ def _data(program: Program) -> dict[str, Any]:
         "faster_from": faster_from(program) if _highest(chosen) else 0.0,
         "tight": TIGHT,
         "staged": [name for name in program.enforcements if name in CHARTS],
+        "stops": {name: STOPS[name] for name in program.enforcements if name in STOPS},
         "rows": rows,
         "lengths": _lengths(program, has, rows),
         "guards": [chart.guards for chart in charts] or [rows["guards"]],
@@ -207,7 +214,8 @@ def _data(program: Program) -> dict[str, Any]:
 def alike(program: Program) -> list[int]:
     """The first entry of x with the same unit as each."""
     units = program.argument("x").units
-    return [units.index(unit) for unit in units]
+    first: dict[str, int] = {}
+    return [first.setdefault(unit, i) for i, unit in enumerate(units)]
 
 
 def _called(program: Program) -> tuple[str, ...]:
@@ -245,6 +253,7 @@ def _lengths(program: Program, has: Mapping[str, bool], rows: Mapping[str, int])
         "velocity": rows["velocity"],
         "constraints": rows["constraints"],
         "power": int(has["power"]),
+        "kinks": _kinks(program)["KINKS"],
         "project": len(program.argument("x").names) if has["project"] else 0,
     }
 
@@ -279,11 +288,19 @@ def _flags(
         "HIGHEST_ORDER": _highest(chosen),
         "SERIES_IN_PIECES": int(bool(_highest(chosen)) and in_pieces(program)),
         "EVENTS": len(program.events),
+        **_kinks(program),
         "DENSE_DEGREE": max(
             3, _stages(chosen), _highest(chosen), *(len(dense.powers) for dense in _dense(chosen))
         ),
         "DENSE_STAGES": max(0, 0, *(len(dense.c) for dense in _dense(chosen))),
     }
+
+
+def _kinks(program: Program) -> dict[str, int]:
+    """How many there are, and whether they depend on inputs."""
+    kernel = program.kernel("kinks") if program.has("kinks") else None
+    by_inputs = kernel is not None and "u" in kernel.uses
+    return {"KINKS": kernel.shape[0] if kernel else 0, "KINKS_BY_INPUTS": int(by_inputs)}
 
 
 def _dense(chosen: Sequence[Integrator]) -> list[Dense]:
@@ -379,6 +396,7 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
         *ENTRIES,
         *(OF_INPUTS if program.argument("u").names else ()),
         *OF_EVENTS,
+        *(OF_KINKS if program.has("kinks") else ()),
         *(OF_CHARTS if program.charts else ()),
         *(OF_FRAMES if program.frame else ()),
         *(OF_SERIES if _highest(chosen) else ()),

@@ -50,6 +50,7 @@ SELECTIVE = Enforcement(
     refusal=_refusal,
     needs=_needs,
     carries_states=False,
+    stop="the coordinates that were selected at the start may be: partitioning selects anew",
 )
 
 TANGENT = Enforcement(

@@ -34,12 +34,17 @@ NESTING = 60  # brackets, calls and exponents inside each other
 HEIGHT = 120  # levels of the finished tree: everything downstream may recurse over it
 LONGEST = 1 << 20  # characters
 
+_PLAIN = re.compile(r"[+-]?(?:0|[1-9][0-9]*)(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?")
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*)"
     r"|(?P<sign>\*\*|[-+*/^(),\[\]])|(?P<end>$)|(?P<other>.))",
     re.DOTALL,
 )
+
+
+# Characters of set type, and how formulas write them.
+TYPESET = {"°": "deg", "·": "*", "×": "*", "²": "^2", "³": "^3", "−": "-", "÷": "/", "√": "sqrt(…)"}
 
 
 class _Token(NamedTuple):
@@ -56,12 +61,27 @@ def expression(
 ) -> Expression:
     """The tree of a formula. `names` are the model's own, which a unit symbol may not be mistaken
     for."""
+    plain = plain_number(text)
+    if plain is not None:
+        return plain
     parser = _Parser(text, names, functions, vectors)
     result = parser.sum()
     parser.finish()
     _check_height(result, text)
     check_constants(result, text)
     return result
+
+
+def plain_number(text: str) -> tree.Number | None:
+    """A number without a unit and nothing else, as `expression` reads it; None where the text is
+    anything else, or a number that no model may have. Long models are mostly such numbers."""
+    if not _PLAIN.fullmatch(text):
+        return None
+    value = float(text)
+    vanished = value == 0.0 and text.strip("+-.0")
+    if vanished or too_large(value) or too_small(value):
+        return None
+    return tree.Number(value, "", int(text.startswith("+")))
 
 
 @functools.lru_cache(maxsize=1024)
@@ -423,12 +443,11 @@ class _Parser:
                 token.at,
                 expected,
             )
-        kind = (
-            f"unexpected character {token.text!r}"
-            if token.kind == "other"
-            else f"unexpected '{token.text}'"
-        )
-        self._refuse(kind, token.at, expected)
+        if token.kind != "other":
+            self._refuse(f"unexpected '{token.text}'", token.at, expected)
+        plain = TYPESET.get(token.text)
+        hint = f"in a formula it is written {plain}" if plain else ""
+        self._refuse(f"unexpected character {token.text!r}", token.at, expected, hint)
 
     def _enter(self, token: _Token) -> None:
         self.depth += 1

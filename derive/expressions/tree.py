@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -94,24 +96,24 @@ ONE = Number(1.0)
 
 def children(expression: Expression) -> tuple[Expression, ...]:
     """The direct operands, left to right."""
-    match expression:
-        case Sum(terms):
-            return terms
-        case Product(factors):
-            return factors
-        case Quotient(numerator, denominator):
-            return (numerator, denominator)
-        case Power(base, exponent):
-            return (base, exponent)
-        case Negative(argument):
-            return (argument,)
-        case Call(_, arguments):
-            return arguments
-        case Vector(entries):
-            return entries
-        case _:
-            pass
-    return ()
+    operands = _OPERANDS.get(type(expression))
+    return operands(expression) if operands else ()
+
+
+def _argument(negative: Negative) -> tuple[Expression, ...]:
+    return (negative.argument,)
+
+
+# by type: leaves, which have none, are asked most
+_OPERANDS: dict[type, Callable[[Any], tuple[Expression, ...]]] = {
+    Sum: attrgetter("terms"),
+    Product: attrgetter("factors"),
+    Quotient: attrgetter("numerator", "denominator"),
+    Power: attrgetter("base", "exponent"),
+    Negative: _argument,
+    Call: attrgetter("arguments"),
+    Vector: attrgetter("entries"),
+}
 
 
 def walk(expression: Expression) -> Iterator[Expression]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
+from functools import cache, lru_cache
 
 Dimension = tuple[Fraction, Fraction, Fraction, Fraction]  # exponents of m, kg, s, A
 BASE = ("m", "kg", "s", "A")
@@ -103,6 +103,11 @@ UNITS = _table()
 
 def compound(parts: Iterable[tuple[str, int]]) -> Unit:
     """The unit Π symbolⁿ; every symbol must be in UNITS."""
+    return _compound(tuple(parts))
+
+
+@lru_cache(maxsize=1024)
+def _compound(parts: tuple[tuple[str, int], ...]) -> Unit:
     factor, dimension = 1.0, NUMBER
     exponents: dict[str, int] = {}
     for symbol, n in parts:

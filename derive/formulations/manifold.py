@@ -1,5 +1,5 @@
-"""What keeps a simulation on the constraints and on its branch, on request: the constraints with
-their Jacobians, and guards."""
+"""What keeps a simulation on the constraints, on its branch and within one piece of the forces, on
+request: the constraints with their Jacobians, guards, and kinks."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from derive.formulations.limits import SAMPLES
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Equations, Function, Pattern, Request, Result
 from derive.joints.rotations import dot, is_zero
+from derive.mechanics.kinks import kinks
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
 from derive.states.closing import Kinematics
@@ -36,6 +37,8 @@ GUARDS = (
     "rows of A are"
 )
 
+KINKS = "what changes its sign where forces go on to another piece: a step ends there"
+
 
 def manifold(
     equations: Equations, kept: Sequence[int], closing: Sequence[int]
@@ -55,6 +58,8 @@ def manifold(
         requests.append(Request("guards", GUARDS, lambda: _guards(equations, kept, dynamics)))
     if kept:
         requests.append(Request("constraint_rows", ROWS, lambda: _rows(equations, kept)))
+    if found := kinks(equations.system):
+        requests.append(Request("kinks", KINKS, lambda: _kinks(equations, found)))
     return tuple(requests)
 
 
@@ -155,6 +160,14 @@ def _guards(equations: Equations, kept: Sequence[int], dynamics: Function) -> Fu
     return Function(
         "guards", GUARDS, Result("guards", ca.densify(ca.vertcat(*values)), tuple(names), ())
     )
+
+
+def _kinks(equations: Equations, found: Sequence[ca.SX]) -> Function:
+    """Over w; neither guarded nor looked at for infinities: a place without a value is no kink."""
+    v = equations.function("velocity").result.value
+    value = ca.substitute(ca.densify(ca.vertcat(*found)), equations.system.v, v)
+    labels = tuple(f"kink {i}" for i in range(1, len(found) + 1))
+    return Function("kinks", KINKS, Result("g", value, labels, ("",) * len(found)))
 
 
 def _independence(rows: list[Vector]) -> list[Scalar]:

@@ -28,6 +28,9 @@ FEW = 40  # with more links than this, equivalent sets of inertias are not compa
 # rolling
 FLAT = 1e-9  # a sine of the angle between axis and normal below this is none
 
+# loads
+FEW_ENTRIES = 8  # of a force: up to so many are added one by one, where a sum has thousands
+
 # links
 EXACT = 1e-14  # what rounding leaves between an entry of a direction and a whole number
 

@@ -69,6 +69,8 @@ def transposed(a: Rows) -> Rows:
 
 def product(a: Rows, b: Rows) -> Rows:
     """A B of 3 × 3 matrices of formulas."""
+    if IDENTITY in (a, b):
+        return b if a == IDENTITY else a
     columns = transposed(b)
     return rows([[dot(a[i], columns[j]) for j in AXES] for i in AXES])
 

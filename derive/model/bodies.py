@@ -224,7 +224,9 @@ def _largest(reader: Reader, scalars: list[Scalar]) -> float:
     """Of the moments as they stand in the file: rounding in what they are moved to is small against
     it."""
     values = [
-        reader.value(reader.formula(scalar, "a moment of inertia", CONSTANT | {TIME}), scalar)
+        reader.value(
+            reader.formula(scalar, "a moment of inertia", CONSTANT | {TIME}, INERTIA_UNIT), scalar
+        )
         for scalar in scalars
     ]
     return max((abs(value) for value in values if value is not None), default=0.0)

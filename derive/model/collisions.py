@@ -18,10 +18,23 @@ def check_collisions(reader: Reader, document: Document, names: Names) -> None:
     places += [("definition", str(key), key.span) for key in document.where]
     places += [("velocity", v.name, v.span) for v in names.velocities if not v.rate_of]
     _check_distinct(reader, places)
+    _check_constants(reader, document.model.text, places)
     ties = [("joint", str(key), key.span) for key in document.joints]
     ties += [("closure", str(key), key.span) for key in document.closures]
     ties += [("constraint", str(key), key.span) for key in document.constraints]
     _check_distinct(reader, ties)
+
+
+def _check_constants(reader: Reader, model: str, places: list[tuple[str, str, Span]]) -> None:
+    """A parameter ARM_NX of a model `arm` would be the size that the header of arm defines."""
+    prefix = f"{model.upper()}_"
+    for kind, name, span in places:
+        if name.startswith(prefix) and name.isupper():
+            reader.report(
+                span,
+                f"the {kind} '{name}' is like the constants {prefix}… of the generated header",
+                f"another name, such as {name.lower()}",
+            )
 
 
 def _check_distinct(reader: Reader, places: list[tuple[str, str, Span]]) -> None:

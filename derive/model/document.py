@@ -22,11 +22,11 @@ import yaml
 from derive.diagnostics import Diagnostic, ModelError
 from derive.model.records import Span
 
-LARGEST = 4 << 20  # bytes
+LARGEST = 16 << 20  # bytes
 HANDED = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
 DEEPEST = 32  # levels
-MOST_BODIES = 10_000  # reading them takes seconds, deriving and compiling them many minutes
-MOST_VALUES = 1_000_000  # the largest model that is allowed has about half of that
+MOST_BODIES = 20_000  # reading them takes some tens of seconds, building them minutes
+MOST_VALUES = 1_000_000  # 20,000 links of a robot have about 800,000
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
 _BRACED = re.compile(r"\w\{")  # of a name with an index, such as link{i}
@@ -290,7 +290,7 @@ class _Builder:
         if depth > DEEPEST:
             self.source.refuse(span, "the file is nested too deeply", f"at most {DEEPEST} levels")
         if isinstance(event, yaml.ScalarEvent):
-            return self.scalar(event)
+            return self.scalar(event, span)
         if isinstance(event, yaml.SequenceStartEvent):
             return Items(self.items(depth), span)
         return Entries(self.entries(depth), span)
@@ -331,26 +331,32 @@ class _Builder:
             )
         return Key(node.text, node.span)
 
-    def scalar(self, event: Any) -> Scalar:
+    def scalar(self, event: Any, span: Span) -> Scalar:
         """A scalar as the text that stands in the file, with its place.
 
         `exact` says whether the text stands there letter by letter. Only then can an error in a
         formula point at its own column; a quoted or folded text is pointed at as a whole. Raises
         ModelError at control characters.
         """
-        text, span = event.value, _span(event, self.source.number)
-        if bad := _CONTROL.search(text):
+        text = event.value
+        plain = not event.style  # None or "", as the parser has it
+        # what is plain stands in the file, which was searched as a whole
+        if not plain and (bad := _CONTROL.search(text)):
             self.source.refuse(
                 span, f"the control character {bad.group()!a} in a text", "printable text"
             )
-        plain = not event.style  # None or "", as the parser has it
         shift = 0 if plain else 1
         line = self.source.lines[span.line - 1] if span.line <= len(self.source.lines) else ""
         start = span.column - 1 + shift
         exact = line[start : start + len(text)] == text
-        length = max(1, len(text)) if exact else span.length
-        column = span.column + (shift if exact else 0)
-        return Scalar(text, Span(span.line, column, length, span.file), exact, plain)
+        if exact:
+            span = _narrowed(span, span.column + shift, max(1, len(text)))
+        return Scalar(text, span, exact, plain)
+
+
+def _narrowed(span: Span, column: int, length: int) -> Span:
+    same = column == span.column and length == span.length
+    return span if same else replace(span, column=column, length=length)
 
 
 def _span(event: Any, file: int) -> Span:

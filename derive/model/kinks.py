@@ -44,6 +44,16 @@ def switches(model: Model) -> tuple[tree.Expression, ...]:
     )
 
 
+def are_constraints_in_pieces(model: Model) -> bool:
+    """Whether a constraint, or a motion that one prescribes, uses a table or another formula in
+    pieces."""
+    tables = {table.name for table in model.tables}
+    return any(
+        call.function in tables or _counts(call, SWITCHING)
+        for call, _, _ in _calls(model, ("constraints", "definitions"))
+    )
+
+
 def _places(call: tree.Call) -> tuple[tree.Expression, ...]:
     if call.function == "piecewise":
         return call.arguments[2::2]
@@ -54,8 +64,10 @@ def _counts(call: tree.Call, most: dict[str, int]) -> bool:
     return len(call.arguments) <= most.get(call.function, 0)
 
 
-def _calls(model: Model) -> Iterator[tuple[tree.Call, str, Span | None]]:
-    for part in MOVING:
+def _calls(
+    model: Model, parts: tuple[str, ...] = MOVING
+) -> Iterator[tuple[tree.Call, str, Span | None]]:
+    for part in parts:
         given: Any = getattr(model, part)
         for item in _entries(given):
             owner, span = getattr(item, "name", ""), getattr(item, "span", None)

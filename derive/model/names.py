@@ -50,6 +50,8 @@ def identifier(name: str) -> str:
 
 def objection(name: str) -> tuple[str, str] | None:
     """Why a name cannot be used and what was expected, or None."""
+    if re.match(r"[0-9]+ *[a-zA-Z/*^]*\Z", name):
+        return f"{name!r} is not a name", "a letter first; a number has a decimal point: 2.5 kg"
     if not _WORD.match(name) or len(name) > LONGEST:
         return (
             f"{name[:LONGEST]!r} is not a name",

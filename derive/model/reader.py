@@ -16,8 +16,9 @@ from derive.expressions import tree
 from derive.expressions.dimensions import SHORT, Inferred, infer, with_unit
 from derive.expressions.evaluate import is_constant, number
 from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, Function
+from derive.expressions.limits import too_large
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression, quantity, unit
+from derive.expressions.parser import expression, plain_number, quantity, unit
 from derive.expressions.tree import Expression, Number
 from derive.expressions.units import (
     ENERGY,
@@ -141,6 +142,9 @@ class Reader:
         """A scalar formula; `where` names the place ("a mass") for messages, `unit` is the SI unit
         it must have, `allowed` are the kinds of names it may use. A bad one is reported and read as
         UNREAD."""
+        plain = plain_number(scalar.text)
+        if plain is not None:
+            return plain  # it fits every unit, and is a value by itself
         if self.scope.version != self._version:
             self._read, self._version = {}, self.scope.version
         asked = (scalar.text, where, allowed, unit, id(functions))
@@ -163,7 +167,8 @@ class Reader:
     ) -> Expression:
         plain = None if PLAIN.fullmatch(scalar.text) else quantity(scalar.text)
         bracketed = "(" in scalar.text  # 10 N/(m) may be a unit, or a force by the model's own m
-        if plain is not None and plain.unit and wanted is not None and not bracketed:
+        of_place = wanted is not None or allowed == CONSTANT
+        if plain is not None and plain.unit and of_place and not bracketed:
             return self._of_unit(plain, scalar.text, where, wanted)
         text = scalar.text
         names = self.scope.usable(allowed)
@@ -205,10 +210,10 @@ class Reader:
         if known and not _tabulated(formula):
             number(formula, self.values, text)
 
-    def _of_unit(self, plain: Number, text: str, where: str, wanted: str) -> Number:
-        """A number with a unit: where the unit is right its symbols are units, even if the model
-        has parameters called m or s."""
-        if _fits(dimension_of(plain.unit), dimension_of(wanted)):
+    def _of_unit(self, plain: Number, text: str, where: str, wanted: str | None) -> Number:
+        """A number with a unit: where the unit is right, or where a constant of any unit can stand,
+        its symbols are units, even if the model has parameters called m or s."""
+        if wanted is None or _fits(dimension_of(plain.unit), dimension_of(wanted)):
             return plain
         own = [word for word in re.findall(r"[A-Za-z_]\w*", text) if word in self.scope.symbols]
         hint = (
@@ -260,6 +265,8 @@ class Reader:
     def value(self, formula: Expression, scalar: Scalar) -> float | None:
         """The number a formula of parameters has with their defaults; None where it was reported or
         has none."""
+        if isinstance(formula, Number) and not too_large(formula.value):
+            return formula.value
         if _tabulated(formula) or any(
             (isinstance(n, tree.Name) and n.name not in self.values) or isinstance(n, tree.Rate)
             for n in tree.walk(formula)

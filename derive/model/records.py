@@ -416,6 +416,16 @@ class Model:
         """Which entry of v that generalized velocity is. Raises ValueError where there is none."""
         return _index(self._velocities, name)
 
+    def conjugate_index(self, velocity: str) -> int | None:
+        """Which entry of v that is, by the velocity's own name or by der(q) where it is the rate of
+        a coordinate; None where it is none of them."""
+        return self._conjugates.get(velocity)
+
+    @cached_property
+    def _conjugates(self) -> dict[str, int]:
+        rates = {f"der({x.rate_of})": i for i, x in enumerate(self.velocities) if x.rate_of}
+        return {**rates, **self._velocities}
+
     @cached_property
     def _bodies(self) -> dict[str, Body]:
         return {body.name: body for body in self.bodies}

@@ -27,14 +27,14 @@ from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS, Function
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.units import UNITS
-from derive.model.document import MOST_BODIES, Entries, Items, Key, Node, Scalar, Source
+from derive.model.document import Entries, Items, Key, Node, Scalar, Source
 from derive.model.names import objection
 from derive.model.records import Span
 
 Value = int | str
 Binding = Mapping[str, Value]
 
-MOST = MOST_BODIES  # repetitions of one entry
+MOST = 10_000  # repetitions of one entry
 LARGEST = 10**9  # of an index, and of what is computed of indices
 # what stands under these keys is a word or for readers, and no formula
 WORDS = frozenset(

@@ -21,4 +21,4 @@ MOST_STEPS = 1e6  # degrees: an angle beyond is none that somebody meant
 SAME_ANGLE = 1e-12  # relative: a printed angle is a rounding of the one that was meant
 
 # size
-MOST_BODIES = 3_000  # deriving and compiling them takes minutes already
+MOST_BODIES = 20_000  # as of a model; building so many takes minutes

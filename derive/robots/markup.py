@@ -8,8 +8,10 @@ without recursion.
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import NoReturn
@@ -20,7 +22,7 @@ from derive.model.document import content
 from derive.robots.limits import MOST_BODIES
 
 LARGEST = 64 << 20  # bytes
-DEEPEST = 10_000  # levels; a chain of bodies is one level per body in MJCF
+DEEPEST = MOST_BODIES + 100  # levels; a chain of bodies is one level per body in MJCF
 MOST = 500_000  # elements; the largest robot that is allowed has a tenth of that
 ROOTS = ("robot", "mujoco", "mujocoinclude")  # what a robot, or a part of one, starts with
 _DECLARATION = re.compile(rb"""\s*<\?xml[^>]*\bencoding\s*=\s*["']([^"']*)["']""")
@@ -46,24 +48,30 @@ class File:
         self, at: int, length: int, message: str, expected: str = "", hint: str = ""
     ) -> Diagnostic:
         """A message about the `length` bytes from offset `at`."""
-        start = self.content.rfind(b"\n", 0, at) + 1
-        stop = self.content.find(b"\n", at)
-        text = (
-            self.content[start : stop if stop >= 0 else len(self.content)]
-            .decode("utf-8", "replace")
-            .rstrip("\r")
-        )
-        column = len(self.content[start:at].decode("utf-8", "replace")) + 1
-        return Diagnostic(
-            self.name,
-            self.content.count(b"\n", 0, at) + 1,
-            column,
-            length,
-            message,
-            expected,
-            hint,
-            text,
-        )
+        number = bisect_right(self._starts, at)
+        start, text = self._starts[number - 1], self._text(number)
+        before = at - start
+        if not text.isascii():
+            before = len(self.content[start:at].decode("utf-8", "replace"))
+        return Diagnostic(self.name, number, before + 1, length, message, expected, hint, text)
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        """Offsets of the lines."""
+        return [0, *(match.end() for match in re.finditer(b"\n", self.content))]
+
+    @cached_property
+    def _texts(self) -> dict[int, str]:
+        return {}
+
+    def _text(self, number: int) -> str:
+        """A line, the same object whenever it is asked for: a robot may stand on one line of
+        megabytes, and everything be wrong with it."""
+        if number not in self._texts:
+            start, *rest = self._starts[number - 1 : number + 1]
+            line = self.content[start : rest[0] - 1 if rest else len(self.content)]
+            self._texts[number] = line.decode("utf-8", "replace").rstrip("\r")
+        return self._texts[number]
 
 
 @dataclass
@@ -218,7 +226,7 @@ class _Builder:
         many elements or bodies."""
         element = Element(tag, attributes, self.file, self.parser.CurrentByteIndex)
         self.budget.elements -= 1
-        self.budget.bodies -= tag == "body"
+        self.budget.bodies -= tag == "body" or (tag == "link" and len(self.open) == 1)
         if len(self.open) >= DEEPEST:
             element.refuse("the file is nested too deeply", f"at most {DEEPEST} levels")
         if self.budget.elements < 0:

@@ -65,8 +65,15 @@ def sine_cosine(angle: float) -> tuple[float, float]:
 
 def product(a: Matrix, b: Matrix) -> Matrix:
     """A B."""
-    rows = [tuple(sum(a[i][k] * b[k][j] for k in range(3)) for j in range(3)) for i in range(3)]
-    return (_three(rows[0]), _three(rows[1]), _three(rows[2]))
+    columns = transposed(b)
+    return (_times(a[0], columns), _times(a[1], columns), _times(a[2], columns))
+
+
+def _times(row: Vector, columns: Matrix) -> Vector:
+    """Without −0, which would be written into a file."""
+    x, y, z = row
+    a, b, c = (0.0 + x * column[0] + y * column[1] + z * column[2] for column in columns)
+    return (a, b, c)
 
 
 def transposed(a: Matrix) -> Matrix:
@@ -143,6 +150,8 @@ def from_euler(sequence: str, angles: Sequence[float]) -> Matrix:
     it)."""
     result = IDENTITY
     for letter, angle in zip(sequence, angles):
+        if angle == 0.0:
+            continue
         turn = about(_UNIT[letter.lower()], angle)
         result = product(result, turn) if letter.islower() else product(turn, result)
     return result
@@ -203,7 +212,7 @@ def turned_tensor(R: Matrix, tensor: Sequence[float]) -> tuple[float, ...]:
     """R I Rᵀ of (xx, yy, zz, xy, xz, yz); rounding errors of right angles are taken away."""
     xx, yy, zz, xy, xz, yz = tensor
     full: Matrix = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
-    turned = product(product(R, full), transposed(R))
+    turned = full if R == IDENTITY else product(product(R, full), transposed(R))
     least = ROUNDING * max(abs(e) for e in tensor)
     entries = (turned[0][0], turned[1][1], turned[2][2], turned[0][1], turned[0][2], turned[1][2])
     return tuple(0.0 if abs(e) <= least else e for e in entries)

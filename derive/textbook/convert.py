@@ -22,6 +22,7 @@ SHARED = 3  # so does one of at least so many operations that occurs twice
 BEARABLE = 80  # up to here, where the term would otherwise need many named sub-terms
 FEW_PIECES = 8
 ROUNDER = 2  # digits that a number has more than its share of gravity
+SHARE = 10  # digits of that share: one of fifty numbers has two digits less than sixteen by chance
 MOST_PIECES = 48  # a term that would need more sub-terms is not written out
 LARGEST = 20_000  # operations of a term, written out, beyond which reading it whole is not tried
 MOST_NODES = 6000  # and in pieces
@@ -51,7 +52,8 @@ class Gravity:
             return None
         exact = rational(x)
         times = over(exact, rational(self.value))
-        rounder = len(_digits(float(times))) + ROUNDER <= len(_digits(x))
+        digits = len(_digits(float(times)))
+        rounder = digits <= SHARE and digits + ROUNDER <= len(_digits(x))
         return (
             times
             if rounder and abs(float(times * rational(self.value)) - x) <= 4e-16 * abs(x)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -67,10 +68,10 @@ class Notation:
         equations = self.terms.equations
         if equations.generalized_velocities:
             return list(self.v)
-        return [self._speed(k, name) for k, name in enumerate(equations.w)]
+        alone = _alone(self.terms.named("B"))
+        return [self._speed(alone.get(k), name) for k, name in enumerate(equations.w)]
 
-    def _speed(self, k: int, name: str) -> sympy.Symbol:
-        j = _only_one(self.terms.named("B")[k, :])
+    def _speed(self, j: int | None, name: str) -> sympy.Symbol:
         if j is not None:
             velocity = self.terms.system.model.velocities[j]
             if name in (f"{velocity.rate_of}_dot", velocity.name.replace(".", "_")):
@@ -150,10 +151,12 @@ def magnitude(system: System) -> float:
     return numbers[0] if len(numbers) == 1 else 0.0
 
 
-def _only_one(row: ca.SX) -> int | None:
-    """The column of the only entry of a row, where that is the number one."""
-    columns = row.sparsity().get_triplet()[1]
-    if len(columns) != 1:
-        return None
-    entry = row[0, columns[0]]
-    return columns[0] if entry.is_constant() and float(entry) == 1.0 else None
+def _alone(B: ca.SX) -> dict[int, int]:
+    """Row → column of its only entry, where that is the number one."""
+    rows, columns = B.sparsity().get_triplet()
+    many = Counter(rows)
+    return {
+        i: j
+        for i, j, entry in zip(rows, columns, B.nonzeros())
+        if many[i] == 1 and entry.is_constant() and float(entry) == 1.0
+    }

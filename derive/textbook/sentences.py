@@ -25,7 +25,7 @@ from derive.model.load_records import (
     Tension,
     Torque,
 )
-from derive.model.records import GROUND, Closure, Coordinate, Input, Placement, Velocity
+from derive.model.records import GROUND, Closure, Input, Placement
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript, runs
 from derive.textbook.records import Math, Run, Runs, Text
@@ -94,22 +94,21 @@ def driven(doc: Manuscript, x: Input) -> Runs:
 
 def _velocity(doc: Manuscript, name: str) -> Math | str:
     """A generalized velocity by its symbol."""
-    return _symbol(doc, name, doc.v, doc.system.model.velocities)
+    return _symbol(doc, name, doc.v, doc.system.model.velocity_index)
 
 
 def _coordinate(doc: Manuscript, name: str) -> Math | str:
-    return _symbol(doc, name, doc.q, doc.system.model.coordinates)
+    return _symbol(doc, name, doc.q, doc.system.model.coordinate_index)
 
 
 def _symbol(
-    doc: Manuscript,
-    name: str,
-    symbols: Sequence[Symbol],
-    declared: Sequence[Coordinate | Velocity],
+    doc: Manuscript, name: str, symbols: Sequence[Symbol], place: Callable[[str], int]
 ) -> Math | str:
     """What the formulas write for it; the name itself where they have no symbol."""
-    symbol = next((s for s, x in zip(symbols, declared) if x.name == name), None)
-    return name if symbol is None else Math(doc.notation.latex[symbol])
+    try:
+        return Math(doc.notation.latex[symbols[place(name)]])
+    except ValueError:
+        return name
 
 
 def _no_slip(doc: Manuscript, x: NoSlip) -> Runs:

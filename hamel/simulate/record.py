@@ -67,6 +67,7 @@ def simulated(source: Source, simulation: Simulation, seconds: float) -> Simulat
         energy_balance=largest_error(columns),
         error=_error_estimate(simulation),
         crossings=simulation.crossings,
+        landings=simulation.landings,
         events={name: t.tolist() for name, (t, _) in events.items()},
         stopped_by=_stopping(simulation),
         at_events={name: rows for name, (_, rows) in events.items()},

@@ -54,6 +54,8 @@ def _show_charts(record: Simulated, console: Console) -> None:
             f"  crossed {record.crossings} singular positions; "
             "two ways across each agree within the tolerance"
         )
+    if record.landings:
+        console.print(f"  {record.landings} steps end where forces go on to another piece")
     if record.charts:
         console.print(f"  charts used         {record.charts}")
     for switch in record.switches:

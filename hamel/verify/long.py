@@ -38,6 +38,9 @@ SUMMED = 1e-9  # energies and powers, relative to them or to one of their unit
 TINY = 1e-300  # where nothing acts
 
 
+Row = tuple[float, Array, Array, Array]  # t, x, u, p: what the module is called with
+
+
 @dataclass(frozen=True)
 class Place:
     """A random state, as the module takes it and as the reference sees it."""
@@ -49,7 +52,7 @@ class Place:
     state: State
 
     @property
-    def row(self) -> tuple[float, Array, Array, Array]:
+    def row(self) -> Row:
         """What the module is called with."""
         return self.t, self.x, self.u, self.p
 
@@ -93,19 +96,19 @@ def long_verification(
 
 def drawn(ref: Reference, equations: Equations, count: int, seed: int) -> list[Place]:
     """Random states; a tree has no others."""
-    system = equations.system
-    found = sampling.states(system, count, seed, parameters=VARIED)
-    rows = zip(found.t.tolist(), found.q, found.v, found.u, found.p)
-    return [
-        Place(t, np.concatenate([q, v]), u, p, _state(ref, equations, t, q, v, u, p))
-        for t, q, v, u, p in rows
-    ]
+    return [_place(ref, equations, row) for row in _rows(equations, count, seed)]
 
 
-def _state(
-    ref: Reference, equations: Equations, t: float, q: Array, v: Array, u: Array, p: Array
-) -> State:
-    return state_of(ref, t, q, v, u, all_parameters(equations.system, p))
+def _rows(equations: Equations, count: int, seed: int) -> list[Row]:
+    found = sampling.states(equations.system, count, seed, parameters=VARIED)
+    x = np.concatenate([found.q, found.v], axis=1)
+    return list(zip(found.t.tolist(), x, found.u, found.p))
+
+
+def _place(ref: Reference, equations: Equations, row: Row) -> Place:
+    t, x, u, p = row
+    q, v = np.split(x, [len(equations.system.model.coordinates)])
+    return Place(*row, state_of(ref, t, q, v, u, all_parameters(equations.system, p)))
 
 
 def _results(
@@ -264,7 +267,7 @@ BACKENDS: tuple[tuple[str, str, Callable[[ModuleType], Any]], ...] = (
 
 # ---- what is shipped
 
-Shipped = list[tuple[tuple[float, Array, Array, Array], Array]]
+Shipped = list[tuple[Row, Array]]
 
 
 def shipped_rows(
@@ -273,7 +276,9 @@ def shipped_rows(
     """Function → arguments of few digits, and the module's own results there. One that the
     reference does not find right is left out, and there it will be missed."""
     ref = reference(equations.system.model)
-    places = [_rounded(ref, equations, place) for place in drawn(ref, equations, count, seed)]
+    drawn_rows = _rows(equations, count, seed)
+    rows = [(float(f"{t:.8g}"), _few(x), _few(u), _few(p)) for t, x, u, p in drawn_rows]
+    places = [_place(ref, equations, row) for row in rows]
     for name in dict.fromkeys(name for name, *_ in CHECKS if hasattr(module, name)):
         call = getattr(module, name)
         checks = [(tolerance, error) for own, _, tolerance, _, error in CHECKS if own == name]
@@ -287,12 +292,6 @@ def shipped_rows(
         )
 
 
-def _rounded(ref: Reference, equations: Equations, place: Place) -> Place:
-    """To eight digits, each by itself: longer ones differ between machines."""
-    t, (x, u, p) = float(f"{place.t:.8g}"), (_few(y) for y in (place.x, place.u, place.p))
-    q, v = np.split(x, [len(place.state.q)])
-    return Place(t, x, u, p, _state(ref, equations, t, q, v, u, p))
-
-
 def _few(values: Array) -> Array:
+    """To eight digits, each by itself: longer ones differ between machines."""
     return np.array([float(f"{value:.8g}") for value in values])

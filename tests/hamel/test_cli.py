@@ -37,6 +37,9 @@ VERBS = (
     "simulate",
     "verify",
 )
+NEEDED = {"sweep": ("--vary", "rtol=1e-7"), "identify": ("--base",)}  # besides the model
+NO_MODEL = ("import", "schema")
+WITH_MODEL = (*(verb for verb in VERBS if verb not in NO_MODEL), "report", "extremes", "book")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(MODELS.parent)}
 
 
@@ -224,6 +227,13 @@ def _failing(model, equations, *others, **options):
 
     check = CheckResult("acceleration", 1.0, 1e-10, False, "planted")
     return Verification(model.name, equations.choice, False, (check,), 20, 0)
+
+
+@pytest.mark.parametrize("verb", [*WITH_MODEL, *NEEDED])
+def test_every_verb_takes_its_usual_arguments(hamel, verb):
+    """A missing file is what is wrong then, not the command line, whatever Click's release."""
+    code, _, err = hamel(verb, "nosuch.yaml", *NEEDED.get(verb, ()))
+    assert code == 1 and "cannot be read" in err
 
 
 def test_failed_verification_leaves_nothing_behind(hamel, tmp_path, tmp_path_factory, monkeypatch):

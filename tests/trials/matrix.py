@@ -21,7 +21,7 @@ from pathlib import Path
 import environment
 import mechanisms
 from environment import Ends, Outcome, Record, Worker, asked, complaint, documented, run
-from scenes import File, Schema, files
+from scenes import File, Schema, files, put_beside
 
 # What a verb is given beside the file so that it ends soon and writes where we look; any other verb
 # is run with the file alone.
@@ -32,9 +32,11 @@ SHORT: dict[str, tuple[str, ...]] = {
     "derive": ("-o", "pages"),
     "linearize": ("-o", "page.html"),
     "report": ("--time", "0.5", "--budget", "2", "-o", "report"),
+    "sweep": ("--vary", "rtol=1e-7, 1e-9", "--time", "0.1", "-o", "study"),
+    "identify": ("--base",),
     "import": ("-o", "imported.yaml"),
 }
-SELDOM = ("report", "extremes")  # only where nothing else is: a report takes many runs
+SELDOM = ("report", "extremes", "book")  # on every fortieth smallest file: they take many runs
 CLAIMS = ("reference", "extremes")  # sections whose made-up numbers verification may refuse
 ROBOTS = ".urdf", ".xml"
 
@@ -52,9 +54,9 @@ def with_model() -> list[str]:
 
 
 def fails(kind: str, outcome: Outcome) -> str:
-    """What is wrong with the end of one process."""
+    """What is wrong with the end of one process; its arguments are as they should be."""
     claims = kind.split(",")[0].split()[0] in CLAIMS
-    return complaint(outcome, (1, 2, 4, 64) if claims else (1, 2, 64))
+    return complaint(outcome, (1, 2, 4) if claims else (1, 2))
 
 
 Job = tuple[str, str, str, str, bool]  # kind, suffix, text, verb, as JSON
@@ -65,6 +67,7 @@ def tried(job: Job) -> Ends:
     kind, suffix, text, verb, as_json = job
     folder = Path(environment.tempfile.mkdtemp(dir=environment.HOME))
     (folder / f"m{suffix}").write_text(text)
+    put_beside(folder)
     more = [*SHORT.get(verb, ()), *(["--json"] if as_json else [])]
     outcome = run([verb, f"m{suffix}", *more], folder)
     wrong = fails(kind, outcome)
@@ -81,12 +84,11 @@ def jobs_of(
     kind: str, suffix: str, text: str, smallest: bool, legal: bool, turn: Iterator[int]
 ) -> Iterator[tuple[str, Job]]:
     """Every verb on a smallest file; two on a legal other one, one on a refused one."""
-    usual = [name for name in with_model() if name not in SELDOM]
     number = next(turn)
-    chosen = usual if smallest else [*(["build"] if legal else []), usual[number % len(usual)]]
-    if smallest and number % 40 == 0:
-        chosen = [*chosen, *(name for name in with_model() if name in SELDOM)]
-    for verb in dict.fromkeys(chosen):
+    one = with_model()[number % len(with_model())]
+    chosen = with_model() if smallest else [*(["build"] if legal else []), one]
+    often = smallest and number % 40 == 0
+    for verb in dict.fromkeys(verb for verb in chosen if often or verb not in SELDOM):
         as_json = (number + len(verb)) % 3 == 0
         yield f"{kind}: {verb} {as_json} {text}", (kind, suffix, text, verb, as_json)
 
@@ -142,6 +144,7 @@ def oracle(worker: Worker, record: Record) -> Callable[[dict], str]:
     is a failure."""
     known: dict[str, str] = {}
     path = environment.HOME / "asked.yaml"
+    put_beside(environment.HOME)
 
     def refusal(model: dict) -> str:
         text = json.dumps(model, indent=1)

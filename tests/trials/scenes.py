@@ -15,6 +15,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 Node = dict[str, Any]
@@ -229,7 +230,36 @@ VALUES: dict[str, Callable[[Scene], list]] = {
     "enforcement": _some("none", "projection"),
     "refused": _some("words"),
     "pitch": _some(0.2),
+    "WrenchEntry.frame": _named("body"),
+    "TableEntry.points": _some([[0, 0], [1, 2], [2, 3], [3, 1]]),
+    "TableEntry.file": _some("points.csv"),
+    "TableEntry.units": _some(["m", "N"]),
+    "TableEntry.smooth": _some("C1", "C2"),
+    "SubmodelEntry.use": _some("part.yaml", "planar_part.yaml"),
+    "SubmodelEntry.ground": _named("body"),
+    "SubmodelEntry.parameters": _some({"mp": "2 kg"}),
 }  # fmt: skip
+
+# The files that entries name; they lie beside every model.
+BESIDE = {
+    "points.csv": "0,0\n1,2\n2,3\n3,1\n",
+    "part.yaml": """model: part
+parameters: {mp: 1 kg}
+bodies: {p: {mass: mp}}
+joints: {P: {type: prismatic, axis: x, parent: ground, child: p, at: [0, 0.1, 0]}}
+""",
+    "planar_part.yaml": """model: planar_part
+plane: xy
+parameters: {mp: 1 kg}
+bodies: {p: {mass: mp}}
+joints: {P: {type: prismatic, axis: x, parent: ground, child: p, at: [0, 0.1]}}
+""",
+}
+
+
+def put_beside(folder: Path) -> None:
+    for name, text in BESIDE.items():
+        (folder / name).write_text(text)
 
 
 class Schema:

@@ -16,7 +16,7 @@ from derive.mechanics.loads.exhaust import EXHAUST
 from derive.mechanics.loads.expression import EXPRESSION
 from derive.mechanics.loads.force import FORCE
 from derive.mechanics.loads.friction import JOINT_FRICTION
-from derive.mechanics.loads.records import Applied, Law, along
+from derive.mechanics.loads.records import Applied, Law, along, plus
 from derive.mechanics.loads.spring import JOINT_SPRING, POINT_SPRING
 from derive.mechanics.loads.tension import TENSION
 from derive.mechanics.loads.torque import TORQUE
@@ -56,11 +56,12 @@ def applied(scene: Scene) -> tuple[Applied, ca.SX]:
         one = LAW_OF[type(load)](scene, load)
         energy = energy + one.energy
         if reactions.numel() and ca.depends_on(one.force, reactions):
-            reacting = reacting + one.force
+            reacting = plus(reacting, one.force)
         else:
-            force = force + one.force
+            force = plus(force, one.force)
     for item in scene.model.inputs:
         if item.velocity:
             gear = scene.symbols.scalar(item.gear)
-            force = force + along(scene, item.velocity, gear * scene.symbols.names[item.name])
+            driven = gear * scene.symbols.names[item.name]
+            force = plus(force, along(scene, item.velocity, driven))
     return Applied(energy, scene.over_v(force)), scene.over_v(reacting)

@@ -11,17 +11,16 @@ from derive.model.load_records import Armature
 
 def nothing(scene: Scene, load: Armature) -> Applied:
     """No force: the inertia is in `armatures`."""
-    return force_alone(scene, ca.SX.zeros(scene.symbols.v.numel()))
+    return force_alone(scene, ca.SX(scene.symbols.v.numel(), 1))
 
 
 def armatures(scene: Scene) -> ca.SX:
     """Rotor inertias on the diagonal of M (nv × nv): the rotor turns with the joint's generalized
     velocity. Its gyroscopic moment on the carrier is left out: only ½ J v² counts."""
     result = ca.SX(scene.symbols.v.numel(), scene.symbols.v.numel())
-    names = [v.name for v in scene.model.velocities]
     for load in scene.model.loads:
         if isinstance(load, Armature):
-            j = names.index(load.velocity)
+            j = scene.model.velocity_index(load.velocity)
             result[j, j] += scene.symbols.scalar(load.inertia)
     return result
 

@@ -10,6 +10,7 @@ import casadi as ca
 
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import rotated
+from derive.mechanics.limits import FEW_ENTRIES
 from derive.mechanics.scene import Scene
 from derive.mechanics.tree import ground_point, link_direction
 
@@ -33,18 +34,28 @@ class Law:
 def along(scene: Scene, velocity: str, force: Scalar) -> ca.SX:
     """A force conjugate to one generalized velocity, e f, or, for a coordinate whose rate is none,
     to that rate: its power f q̇ᵢ = f eᵀ N v makes it Nᵀ e f over v (nv × 1)."""
-    for j, v in enumerate(scene.model.velocities):
-        if v.name == velocity or (v.rate_of and velocity == f"der({v.rate_of})"):
-            return _unit(scene.symbols.v.numel(), j, force)
+    j = scene.model.conjugate_index(velocity)
+    if j is not None:
+        return _unit(scene.symbols.v.numel(), j, force)
     name = velocity.removeprefix("der(").removesuffix(")")
     i = scene.model.coordinate_index(name)
     return ca.jacobian(scene.qdot[i], scene.symbols.v).T * force
 
 
 def _unit(n: int, j: int, x: Scalar) -> ca.SX:
-    result = ca.SX.zeros(n)
+    result = ca.SX(n, 1)
     result[j] = x
     return result
+
+
+def plus(total: ca.SX, part: ca.SX) -> ca.SX:
+    """A sum of columns, of which `total` is dense, and may become the sum itself; most loads of a
+    long mechanism act on one entry."""
+    if part.nnz() > FEW_ENTRIES:
+        return total + part
+    for i in part.sparsity().row():
+        total[i] = total[i] + part[i]
+    return total
 
 
 def force_alone(scene: Scene, force: ca.SX) -> Applied:

@@ -55,11 +55,24 @@ class Applied:
         return self.weight + self.springs + self.other
 
 
-def _only(place: Layout, V: float = 0.0, summed: float | None = None, **forces: Array) -> Applied:
-    """The forces named, zeros for the rest."""
-    zero = np.zeros(place.size)
-    named = {"weight": zero, "springs": zero, "other": zero} | forces
-    return Applied(**named, V=V, summed=abs(V) if summed is None else summed)
+@dataclass(frozen=True)
+class _Part:
+    """What one body or load contributes: by the field of Applied the entries of z that it acts on,
+    and the forces there."""
+
+    forces: dict[str, tuple[slice, Array]]
+    V: float
+    summed: float
+
+
+def _only(V: float = 0.0, summed: float | None = None, **forces: tuple[slice, Array]) -> _Part:
+    """The forces named, none besides."""
+    return _Part(forces, V, abs(V) if summed is None else summed)
+
+
+def _all(force: Array) -> tuple[slice, Array]:
+    """The first entries of z, or all of them."""
+    return slice(0, len(force)), force
 
 
 @dataclass(frozen=True)
@@ -95,17 +108,16 @@ def applied(model: Model, place: Layout, state: State, nonideal: bool = True) ->
     return _summed(place, chain(weights, loads, [_drive(model, place, state, nonideal)]))
 
 
-def _summed(place: Layout, parts: Iterable[Applied]) -> Applied:
-    """One after the other: of a long mechanism they would fill the memory together."""
-    weight, springs, other = (np.zeros(place.size) for _ in range(3))
+def _summed(place: Layout, parts: Iterable[_Part]) -> Applied:
+    """One after the other, each where it acts: time grows with their number alone."""
+    total = {name: np.zeros(place.size) for name in ("weight", "springs", "other")}
     V = summed = 0.0
     for part in parts:
-        weight += part.weight
-        springs += part.springs
-        other += part.other
+        for name, (where, force) in part.forces.items():
+            total[name][where] += force
         V += part.V
         summed += part.summed
-    return Applied(weight, springs, other, V, summed)
+    return Applied(**total, V=V, summed=summed)
 
 
 def uses_reactions(record: object) -> bool:
@@ -131,14 +143,13 @@ def _at_rest(model: Model) -> set[str]:
     return result
 
 
-def _weight(gravity: Array, body: Body, place: Layout, state: State) -> Applied:
+def _weight(gravity: Array, body: Body, place: Layout, state: State) -> _Part:
     """Force m g at the centre of mass; V = −m g · r."""
     frame, weight = state.frames[body.name], state.value(body.mass) * gravity
     arm = frame.point(state.vector(body.com))
-    force = np.zeros(place.size)
-    force[place.twist(body.name)] = _wrench(arm, weight)
     summed = float(np.abs(weight).sum() * (np.abs(frame.origin).sum() + np.abs(arm).sum()))
-    return _only(place, -float(weight @ (frame.origin + arm)), summed, weight=force)
+    force = place.twist(body.name), _wrench(arm, weight)
+    return _only(-float(weight @ (frame.origin + arm)), summed, weight=force)
 
 
 def _wrench(arm: Array, force: Array) -> Array:
@@ -146,57 +157,40 @@ def _wrench(arm: Array, force: Array) -> Array:
     return np.concatenate([cross(arm, force), force])
 
 
-def _drive(model: Model, place: Layout, state: State, nonideal: bool) -> Applied:
+def _drive(model: Model, place: Layout, state: State, nonideal: bool) -> _Part:
     """Inputs on the velocity they are conjugate to, and nonideal constraint forces."""
-    other = np.zeros(place.size)
+    other = np.zeros(place.nv)
     if nonideal:
-        other[: place.nv] = nonideal_force(model, state)
+        other[:] = nonideal_force(model, state)
     for item, value in zip(model.inputs, state.u):
         if item.velocity:
-            other[: place.nv] += (
-                state.value(item.gear) * value * _conjugate(model, state, item.velocity)
-            )
-    return _only(place, other=other)
+            where, direction = _conjugate(model, state, item.velocity)
+            other[where] += state.value(item.gear) * value * direction
+    return _only(other=_all(other))
 
 
-def _conjugate(model: Model, state: State, velocity: str) -> Array:
-    """g with g · v the velocity that a force is conjugate to: a generalized velocity, or the rate
-    der(q) of any coordinate."""
-    j = place_of(model, velocity)
+def _conjugate(model: Model, state: State, velocity: str) -> tuple[slice, Array]:
+    """The entries of v, and g over them, with g · v the velocity that a force is conjugate to: a
+    generalized velocity, or the rate der(q) of any coordinate."""
+    j = model.conjugate_index(velocity)
     if j is not None:
-        return _unit(len(model.velocities), j)
-    return state.row(model.coordinate_index(velocity.removeprefix("der(").removesuffix(")")))
+        return slice(j, j + 1), np.ones(1)
+    return state.entries(model.coordinate_index(velocity.removeprefix("der(").removesuffix(")")))
 
 
-def place_of(model: Model, velocity: str) -> int | None:
-    """Which generalized velocity that is, by its name or as the rate of a coordinate."""
-    try:
-        return model.velocity_index(velocity)
-    except ValueError:
-        rates = (j for j, x in enumerate(model.velocities) if f"der({x.rate_of})" == velocity)
-        return next(rates, None)
-
-
-def _unit(size: int, j: int) -> Array:
-    result = np.zeros(size)
-    result[j] = 1.0
-    return result
-
-
-def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
+def _load(load: Load, model: Model, place: Layout, state: State) -> _Part:
     match load:
         case JointSpring():
-            return _joint_spring(load, model, place, state)
+            return _joint_spring(load, model, state)
         case JointDamper() | JointFriction():
-            return _resisted(load, model, place, state)
+            return _resisted(load, model, state)
         case Armature():
-            return _only(place)  # an inertia
+            return _only()  # an inertia
         case Bushing():
             return _bushing(load, place, state)
         case GeneralisedForce():
-            return _along(
-                place, state.value(load.expression) * _conjugate(model, state, load.velocity)
-            )
+            where, direction = _conjugate(model, state, load.velocity)
+            return _only(other=(where, state.value(load.expression) * direction))
         case PointSpring():
             return _point_spring(load, place, state)
         case Force():
@@ -222,15 +216,15 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> Applied:
     )
 
 
-def _touching(load: Contact | Tension, model: Model, place: Layout, state: State) -> Applied:
+def _touching(load: Contact | Tension, model: Model, place: Layout, state: State) -> _Part:
     if isinstance(load, Tension):
         force = state.value(load.tension) * pull(load.path, model.plane, place, state)
-        return _only(place, other=force)
+        return _only(other=_all(force))
     press = pressing(load, model.plane, place, state)
-    return _only(place, press.V, springs=press.elastic, other=press.dissipative)
+    return _only(press.V, springs=_all(press.elastic), other=_all(press.dissipative))
 
 
-def _at_frame(load: Wrench, model: Model, place: Layout, state: State) -> Applied:
+def _at_frame(load: Wrench, model: Model, place: Layout, state: State) -> _Part:
     """A force at the frame's origin and a moment, on the frame's body."""
     frame = frame_named(model, load.frame)
     body = state.frames[frame.body]
@@ -244,15 +238,8 @@ def _at_frame(load: Wrench, model: Model, place: Layout, state: State) -> Applie
     return _on_body(place, frame.body, wrench)
 
 
-def _along(place: Layout, force: Array) -> Applied:
-    return _only(place, other=np.concatenate([force, np.zeros(place.size - place.nv)]))
-
-
-def _on_body(place: Layout, body: str, wrench: Array) -> Applied:
-    other = np.zeros(place.size)
-    if body != GROUND:
-        other[place.twist(body)] = wrench
-    return _only(place, other=other)
+def _on_body(place: Layout, body: str, wrench: Array) -> _Part:
+    return _only() if body == GROUND else _only(other=(place.twist(body), wrench))
 
 
 def _components(load: Force | Torque, state: State) -> Array:
@@ -260,30 +247,30 @@ def _components(load: Force | Torque, state: State) -> Array:
     return state.frames[load.body].rotation @ components if load.frame == "body" else components
 
 
-def _joint_spring(spring: JointSpring, model: Model, place: Layout, state: State) -> Applied:
+def _joint_spring(spring: JointSpring, model: Model, state: State) -> _Part:
     """V = ½ k (q − rest)², force −k (q − rest) along the coordinate, Nᵀ of it along v."""
     index = model.coordinate_index(spring.coordinate)
     stiffness, stretch = state.value(spring.stiffness), state.q[index] - state.value(spring.rest)
-    force = np.zeros(place.size)
-    force[: place.nv] = -stiffness * stretch * state.row(index)
-    return _only(place, 0.5 * stiffness * stretch**2, springs=force)
+    where, row = state.entries(index)
+    force = where, -stiffness * stretch * row
+    return _only(0.5 * stiffness * stretch**2, springs=force)
 
 
-def _resisted(
-    friction: JointDamper | JointFriction, model: Model, place: Layout, state: State
-) -> Applied:
+def _resisted(friction: JointDamper | JointFriction, model: Model, state: State) -> _Part:
     """−viscous r − coulomb tanh(r/smoothing) along the velocity r, or −d r of a damper."""
-    direction = _conjugate(model, state, friction.velocity)
-    rate = direction @ state.v
+    where, direction = _conjugate(model, state, friction.velocity)
+    rate = direction @ state.v[where]
     if isinstance(friction, JointDamper):
-        return _along(place, -state.value(friction.coefficient) * rate * direction)
+        drag = -state.value(friction.coefficient) * rate * direction
+        return _only(other=(where, drag))
     viscous, coulomb, smoothing = state.vector(
         (friction.viscous, friction.coulomb, friction.smoothing)
     )
-    return _along(place, -(viscous * rate + coulomb * np.tanh(rate / smoothing)) * direction)
+    drag = -(viscous * rate + coulomb * np.tanh(rate / smoothing)) * direction
+    return _only(other=(where, drag))
 
 
-def _bushing(bushing: Bushing, place: Layout, state: State) -> Applied:
+def _bushing(bushing: Bushing, place: Layout, state: State) -> _Part:
     """V = ½ Σ k x² over the deflections x; forces −(k x + damping ẋ) ∂ẋ/∂z.
 
     Deflections: p₂ − p₁ and θ = ½ Σ aᵢ × bᵢ, along the axes aᵢ of the first joint frame.
@@ -300,19 +287,19 @@ def _bushing(bushing: Bushing, place: Layout, state: State) -> Applied:
     )
     stiffness = state.vector((*bushing.stiffness, *bushing.torsion))
     damping = state.vector((*bushing.damping, *bushing.torsion_damping))
-    return _elastic(place, [*shifts, *turns], stiffness, damping)
+    return _elastic([*shifts, *turns], stiffness, damping)
 
 
-def _elastic(place: Layout, deflections: list[Jet], stiffness: Array, damping: Array) -> Applied:
+def _elastic(deflections: list[Jet], stiffness: Array, damping: Array) -> _Part:
     """Springs and dampers over deflections x with ẋ = X z: V = ½ Σ k x², forces −(k x) X and
     −(damping ẋ) X."""
     over = np.array([x.over for x in deflections])
     value, rate = (np.array([getattr(x, name) for x in deflections]) for name in ("value", "rate"))
     springs, other = -(stiffness * value) @ over, -(damping * rate) @ over
-    return _only(place, float(0.5 * stiffness @ value**2), springs=springs, other=other)
+    return _only(float(0.5 * stiffness @ value**2), springs=_all(springs), other=_all(other))
 
 
-def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:
+def _point_spring(spring: PointSpring, place: Layout, state: State) -> _Part:
     """Tension k (d − length) + damping ḋ along the line between the points; V = ½ k (d −
     length)²."""
     frames = [state.frames[body] for body in spring.bodies]
@@ -329,7 +316,7 @@ def _point_spring(spring: PointSpring, place: Layout, state: State) -> Applied:
             drag[place.twist(body)] += (
                 sign * state.value(spring.damping) * rate * _wrench(arm, unit)
             )
-    return _only(place, float(0.5 * stiffness * stretch**2), springs=pull, other=drag)
+    return _only(float(0.5 * stiffness * stretch**2), springs=_all(pull), other=_all(drag))
 
 
 def shrinking(model: Model, place: Layout, state: State) -> float:

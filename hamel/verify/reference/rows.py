@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 from derive.diagnostics import AssumptionError
-from derive.expressions import tree
 from derive.model.constraint_records import (
     Distance,
     Holonomic,
@@ -23,7 +22,7 @@ from hamel.verify.reference.jets import Jet, length, point, stays
 from hamel.verify.reference.layout import Layout, Rows, centripetal, layout, point_velocity
 from hamel.verify.reference.rolling import rolling_rows
 from hamel.verify.reference.states import Seat, State
-from hamel.verify.reference.vectors import Array, cross
+from hamel.verify.reference.vectors import Array, cross, skew
 
 
 def joint_blocks(seat: Seat, state: State) -> tuple[Array, Array, Array]:
@@ -46,7 +45,7 @@ def joint_blocks(seat: Seat, state: State) -> tuple[Array, Array, Array]:
 def _transport(arm: Array) -> Array:
     """6 × 6: twist at the body's origin → twist at `arm`."""
     moved = np.eye(6)
-    moved[3:] = point_velocity(arm)
+    moved[3:, :3] = -skew(arm)
     return moved
 
 
@@ -110,11 +109,8 @@ def _physical_rows(item: object, model: Model, place: Layout, state: State) -> R
 
 def nonideal_force(model: Model, state: State) -> Array:
     """Nᵀ C of the constraints' own generalised forces C per coordinate, nv."""
-    entries: list[tuple[tree.Expression, ...]] = [
-        item.nonideal
-        for item in model.constraints
-        if isinstance(item, Holonomic | Nonholonomic) and item.nonideal
-    ]
-    return state.N.T @ sum(
-        (state.vector(entry) for entry in entries), np.zeros(len(model.coordinates))
-    )
+    force = np.zeros(len(model.coordinates))
+    for item in model.constraints:
+        if isinstance(item, Holonomic | Nonholonomic) and item.nonideal:
+            force = force + state.vector(item.nonideal)
+    return state.along_velocities(force)

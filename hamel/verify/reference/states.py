@@ -84,12 +84,24 @@ class State:
             result[rows, columns] = entries
         return result
 
+    def along_velocities(self, force: Array) -> Array:
+        """Nᵀ f, nv, of forces conjugate to q̇."""
+        result = np.zeros(len(self.v))
+        for rows, columns, entries in self.blocks:
+            result[columns] += entries.T @ force[rows]
+        return result
+
     def row(self, i: int) -> Array:
         """N's row of a coordinate."""
         result = np.zeros(len(self.v))
-        rows, columns, entries = self._block_of[i]
-        result[columns] = entries[i - rows.start]
+        columns, entries = self.entries(i)
+        result[columns] = entries
         return result
+
+    def entries(self, i: int) -> tuple[slice, Array]:
+        """The same without its zeros: where they stand in v, and the entries there."""
+        rows, columns, entries = self._block_of[i]
+        return columns, entries[i - rows.start]
 
     @cached_property
     def _block_of(self) -> dict[int, tuple[slice, slice, Array]]:
@@ -99,6 +111,8 @@ class State:
         self, expression: tree.Expression, further: Mapping[str, float] | None = None
     ) -> float:
         """A formula of the model as a number at this state; `further` names go before its own."""
+        if isinstance(expression, tree.Number):
+            return expression.value
         names = {**self.names, **further} if further else self.names
         return float(evaluated(expression, lookup(names, self.named_rates), self.functions))
 

@@ -26,7 +26,7 @@ typedef struct {
     const Inputs *inputs;
     Events *events;
     double step_size, t;
-    long done, steps, rejected, calls, crossings, charts;
+    long done, steps, rejected, calls, crossings, landings, charts;
     double position_violation, velocity_violation, next_step, error;
     double x[3], slope[3], turns[1];
 } Simulation;

@@ -104,7 +104,7 @@ def facts(**changes: Any) -> Facts:
         staged=("partitioning",),
         events=(),
         fields=fields(0),
-        lengths={"velocity": 1, "constraints": 0, "power": 1, "project": 0},
+        lengths={"velocity": 1, "constraints": 0, "power": 1, "kinks": 0, "project": 0},
         positions=0,
         guards=(0,),
         limits=LIMITS,
@@ -213,7 +213,7 @@ def test_charts_take_over() -> None:
     binding = SimpleNamespace(_dynamics=dynamics, _dynamics_chart1=mirrored)
     binding.velocity = lambda t, x, u, p: x[1:]
     binding.velocity_chart1 = lambda t, x, u, p: -x[1:]
-    lengths = {"velocity": 1, "constraints": 0, "power": 0, "project": 0}
+    lengths = {"velocity": 1, "constraints": 0, "power": 0, "kinks": 0, "project": 0}
     of = facts(numpy=lambda: binding, charts=Mirror(), guards=(0, 0), lengths=lengths)
     t = np.linspace(0.0, 9.0, 10)
     found = simulated(of, (0.0, 9.0), times=t)
@@ -262,6 +262,13 @@ def test_the_companion_says_how_far_it_may_be() -> None:
 def test_what_cannot_be_is_refused(ways: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         simulated(facts(), **ways)
+
+
+def test_a_stop_says_what_else_may_be_singular_under_its_enforcement() -> None:
+    of = facts(stops={"partitioning": "its coordinates may be"})
+    assert of.cause(Status.SINGULAR_CHOICE, 1).endswith("goes on; or its coordinates may be")
+    assert of.cause(Status.SINGULAR_CHOICE, 0).endswith("goes on")
+    assert of.cause(Status.SINGULAR, 1) == "singular: of the oscillator"
 
 
 def test_what_needs_a_compiler_says_so() -> None:

@@ -255,6 +255,37 @@ ERRORS = [
         "",
     ),
     (
+        "decimal_comma",
+        "model: a\nparameters: {m: 2,«5 kg}\n",
+        "'5 kg' is not a name",
+        "a number has a decimal point: 2.5 kg",
+        "",
+    ),
+    (
+        "degree_sign",
+        "model: a\nparameters: {a: 30«°}\n",
+        "unexpected character '°'",
+        "",
+        "it is written deg",
+    ),
+    (
+        "joint_of_another_tool",
+        "model: a\nbodies: {b: {mass: 1}}\n"
+        "joints: {J: {type: «hinge, axis: x, parent: ground, child: b}}\n",
+        "unknown type of joint 'hinge'",
+        "prismatic",
+        "did you mean 'revolute'?",
+    ),
+    (
+        "constant_of_the_header",
+        "model: a\nparameters: {«A_NX: 1}\n"
+        "bodies: {b: {mass: 1}}\n"
+        "joints: {J: {type: prismatic, axis: x, parent: ground, child: b}}\n",
+        "the parameter 'A_NX' is like the constants A_… of the generated header",
+        "another name, such as a_nx",
+        "",
+    ),
+    (
         "language_word",
         "model: a\nparameters: {«t: 1}\n",
         "'t' is a word of the model language",

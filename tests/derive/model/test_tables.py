@@ -227,14 +227,13 @@ def test_tables_of_submodels_and_in_repetitions(tmp_path: Path) -> None:
     mechanics_of(model)
 
 
-def test_series_refuse_pieces_and_equal_steps_warn_of_them() -> None:
+def test_series_refuse_pieces() -> None:
     model = load_text(BEAD.format(force="(1 N/m)*ramp(x)", smooth="C1"))
     method = Method("quasi_velocities", None, None, "taylor", None, 1e-10, None)
     assert len(pieces(model)) == len(switches(model)) == 1
     with pytest.raises(AssumptionError, match=r"taylor takes the series of one piece.*ramp\(\) in"):
         check_kinks(method, model)
-    with pytest.warns(RuntimeWarning, match="equal steps of rk4 do not see"):
-        check_kinks(replace(method, integrator="rk4", step_size=0.01), model)
+    check_kinks(replace(method, integrator="rk4", step_size=0.01), model)
     check_kinks(replace(method, integrator="dop853"), model)
     smooth = load_text(BEAD.format(force="(1 N/m)*ramp(x, w)", smooth="C1"))
     check_kinks(method, smooth)

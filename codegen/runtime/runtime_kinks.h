@@ -1,0 +1,198 @@
+/* Kinks: where forces go on to another piece, so that no step across is smooth. A step ends there, and the next one begins behind it.
+
+   The functions `kinks` change their sign at such places. They are looked at in FOURTHS places of every step, accepted or not, along the
+   cubic through both ends. Where a sign changes, steps of the method itself, shortened, lead near the place from the side where the step
+   began. What is left is so short that the last slope, carried on as it changed in the step, errs by less than the tolerance: it goes across
+   by no more than rounding, so that a jump is behind it, too. The step that begins there does not look for the same kink, so that a motion
+   which is held at a jump goes on by the error control alone.
+
+   No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
+
+#if KINKS
+enum { FOURTHS = 4 };
+
+/* A step from the state: its size and end, its error in units of the tolerance, how long it is from there to the kink, where it
+   arrives, with which slope, and the number of the kink that it ends before, from 1 on, or 0. */
+typedef struct {
+    double h, end, error, left, *z, *next;
+    int kink;
+} Trial;
+
+static int kinks_at(Run *r, double t, const double *y, double *g)
+{
+#if KINKS_BY_INPUTS
+    int status;
+    if (r->inputs && (status = feed(r, t, y)) != OK)
+        return status;
+#endif
+    return MODEL_kinks(r)(t, y, r->u, r->p, g);
+}
+
+/* One of them; NaN, which has no sign, where it has no value. */
+static double kink_at(Run *r, int k, double t, const double *y)
+{
+    double g[KINKS];
+    return kinks_at(r, t, y, g) == OK ? g[k] : NAN;
+}
+
+/* Between the shares a and b of a step along the cubic `d`, where function k has values of two signs: about where it is zero. */
+static double root_along(Run *r, const Dense *d, int k, double t, double h, double a, double b, double ga, double gb)
+{
+    double y[N], place = b;
+    int n;
+    for (n = 0; n < 8; n++) { /* roughly: the steps of the method do better */
+        double g;
+        place = n % 3 == 2 ? 0.5 * (a + b) : b - gb * (b - a) / (gb - ga);
+        dense_at(d, place, y);
+        g = kink_at(r, k, t + place * h, y);
+        if (g * gb > 0.0)
+            b = place, gb = g;
+        else
+            a = place, ga = g;
+    }
+    return place;
+}
+
+/* The share of a step from y to z at which one of the functions, `which`, changes its sign first, by the cubic through both ends; 1 where
+   none does. Number `but`, from 1 on, is not asked: the step begins on it. */
+static double first_kink(Run *r, int but, double t, double h, const double *y, const double *own, const double *z, const double *next, int *which)
+{
+    double before[KINKS], after[KINKS], at[N], first = 1.0;
+    Dense d;
+    int j, k;
+    if (kinks_at(r, t, y, before) != OK)
+        return 1.0;
+    cubic(&d, h, y, own, z, next);
+    for (j = 1; j <= FOURTHS && first == 1.0; j++) {
+        const double a = (double)(j - 1) / FOURTHS, b = (double)j / FOURTHS;
+        dense_at(&d, b, at);
+        if (kinks_at(r, t + b * h, j < FOURTHS ? at : z, after) != OK)
+            return 1.0;
+        for (k = 0; k < KINKS; k++)
+            if (k + 1 != but && before[k] * after[k] < 0.0) {
+                const double place = root_along(r, &d, k, t, h, a, b, before[k], after[k]);
+                if (place < first)
+                    first = place, *which = k;
+            }
+        memcpy(before, after, sizeof before);
+    }
+    return first;
+}
+
+/* The state by h behind a step, by its last slope, which changes as it did; the kink there. */
+static double carried(Run *r, const Trial *to, double h, double *z)
+{
+    int i;
+    for (i = 0; i < N; i++)
+        z[i] = to->z[i] + h * (to->next[i] + 0.5 * h * (to->next[i] - r->s->slope[i]) / to->h);
+    return kink_at(r, to->kink - 1, to->end + h, z);
+}
+
+/* How far behind a step the kink is, that way; `most` where it is no nearer. */
+static double carried_root(Run *r, const Trial *to, double g, double most)
+{
+    double z[N], a = 0.0, b = fmin(most, to->h), ga = g, gb = carried(r, to, b, z);
+    int n;
+    if (!(ga * gb < 0.0) && b < most)
+        gb = carried(r, to, b = most, z);
+    if (!(ga * gb < 0.0))
+        return most;
+    for (n = 0; n < 60 && b - a > DBL_EPSILON * most; n++) {
+        double c = n % 4 == 3 ? 0.5 * (a + b) : b - gb * (b - a) / (gb - ga), gc;
+        if (!(c > a && c < b))
+            c = 0.5 * (a + b);
+        gc = carried(r, to, c, z);
+        if (gc * gb > 0.0)
+            b = c, gb = gc;
+        else
+            a = c, ga = gc;
+    }
+    return b;
+}
+
+/* What that errs by over h, in units of the tolerance, about. */
+static double carried_error(const Run *r, const Trial *to, double h)
+{
+    double bend[N];
+    int i;
+    for (i = 0; i < N; i++)
+        bend[i] = 0.5 * h * h * (to->next[i] - r->s->slope[i]) / to->h;
+    return norm(r, bend, r->s->x, to->z) * h / to->h;
+}
+
+/* Makes of a trial step one that ends just before the first kink on its way; leaves it where there is none. Where forces jump, a stage of
+   such a step may be beyond: it ends the earlier then, and the next one comes nearer. Where the step `failed`, the first slope says what
+   may be on its way. Returns a status. */
+static int before_kink(Run *r, const Method *method, int failed, Trial *to)
+{
+    Simulation *const s = r->s;
+    const Trial whole = *to;
+    double a = 0.0, b = 1.0, off = s->step_size > 0.0 ? 0.1 : 1e-3, start, place;
+    int which = 0, n;
+    for (n = 0; n < N && failed != OK; n++) {
+        to->z[n] = s->x[n] + whole.h * s->slope[n];
+        to->next[n] = s->slope[n];
+    }
+    place = first_kink(r, s->landed, s->t, whole.h, s->x, s->slope, to->z, to->next, &which);
+    if (!(place > 1e-6 && place < 1.0))
+        return failed;
+    to->kink = which + 1;
+    start = kink_at(r, which, s->t, s->x);
+    for (n = 0; n < 20 && b - a > 4.0 * DBL_EPSILON; n++) {
+        const double theta = fmax(0.5 * (a + place), (1.0 - off) * place);
+        double g;
+        to->h = theta * whole.h;
+        to->end = s->t + to->h;
+        if (method->step(r, method->coefficients, s->t, to->h, s->x, s->slope, to->z, to->next, &to->error) != OK)
+            break;
+        if (s->step_size > 0.0)
+            to->error = 0.0;
+        g = kink_at(r, which, to->end, to->z);
+        if (g * start > 0.0) {
+            if (!(to->error <= 1.0)) {
+                if ((off *= 8.0) < 0.6)
+                    continue;
+                return OK;
+            }
+            to->left = carried_root(r, to, g, (b - theta) * whole.h);
+            if (carried_error(r, to, to->left) <= 0.01)
+                return OK;
+            if (off > 2e-3 && !(s->step_size > 0.0)) {
+                to->kink = 0;
+                return OK;
+            }
+            a = theta;
+            place = fmin(theta + to->left / whole.h, 0.5 * (theta + b));
+            off *= 0.1;
+        } else {
+            Dense d;
+            cubic(&d, to->h, s->x, s->slope, to->z, to->next);
+            b = theta;
+            place = theta * root_along(r, &d, which, s->t, to->h, 0.0, 1.0, start, g);
+            if (!(place > a))
+                place = 0.5 * (a + b);
+        }
+    }
+    *to = whole; /* there was none, or it is not to be reached */
+    return method->step(r, method->coefficients, s->t, to->h, s->x, s->slope, to->z, to->next, &to->error);
+}
+
+/* Across the kink that a step ended before, by no more than rounding, unless `time` is nearer. */
+static void across_kink(Run *r, double time, Trial *to)
+{
+    const double start = kink_at(r, to->kink - 1, to->end, to->z);
+    double z[N], next[N], h, more = 2.0 * DBL_EPSILON * fmax(fabs(to->end), to->left);
+    int n;
+    for (n = 0; n < 20 && to->end + (h = to->left + more) < time; n++, more *= 2.0) {
+        if (!(start * carried(r, to, h, z) < 0.0))
+            continue;
+        if (slope(r, to->end + h, z, next) != OK)
+            return;
+        memcpy(to->z, z, sizeof z);
+        memcpy(to->next, next, sizeof next);
+        to->end += h;
+        to->h += h;
+        return;
+    }
+}
+#endif

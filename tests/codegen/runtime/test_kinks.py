@@ -1,0 +1,215 @@
+"""Steps that end where forces go on to another piece: motions through kinks and jumps have the order
+and the error of the method, in C, lanes, ctypes and NumPy; a motion held at a jump goes on.
+
+Of derive.mechanics: kinks.
+Of codegen.runtime: numpy_kinks.
+"""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from codegen import compiler, loader
+from codegen.passes import program
+from derive.mechanics.kinks import kinks
+from derive.mechanics.records import System
+from derive.model import load_text
+from derive.states.nonideal import system
+from hamel.build.module import published
+from tests.scenes import equations_of_text
+
+# x'' = −x − k max(x, 0) − μ sign(ẋ) + F
+SPRING = """model: rubbing
+coordinates: {x: m}
+kinetic: 1 kg*der(x)^2/2
+potential: 1 N/m*x^2/2
+parameters: {k: 0 N/m, mu: 0 N}
+inputs: {F: {unit: N}}
+forces: {x: "F - k*ramp(x) - mu*sign(der(x))"}
+"""
+QUICK = ("dop853", "rk4")
+ADAPTIVE = ("verner9", "dopri5", "rkf45", "radau", "rosenbrock")
+OTHERS = (*ADAPTIVE, "implicit_midpoint")
+WITH_COMPILER = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+# p, start, time, end: half a turn of each half plane; friction takes 2 μ from every half swing
+BENT = ([3.0, 0.0], [-1.0, 0.0], 1.5 * np.pi, [-1.0, 0.0])
+HELD = ([0.0, 0.6], [0.5, 0.3], 1.0, [np.hypot(1.1, 0.3) - 0.6, 0.0])
+RUBBED = ([0.0, 0.1], [0.1, -1.0], 2.0 * np.pi, [0.1, -0.6])
+
+CASES = pytest.mark.parametrize("case", [BENT, RUBBED], ids=["bent", "rubbed"])
+
+
+@pytest.fixture(scope="module")
+def module(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
+    return built(tmp_path_factory, QUICK)
+
+
+@pytest.fixture(scope="module")
+def others(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
+    return built(tmp_path_factory, OTHERS)
+
+
+def built(factory: pytest.TempPathFactory, names: tuple[str, ...]) -> ModuleType:
+    base = factory.mktemp("kinks")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
+        made = program(equations_of_text(SPRING), ("dynamics",), names)
+        return loader.load(published(made, base / "rubbing").folder)
+
+
+def motion(module: ModuleType, case: Any, way: str = "", **how: Any) -> tuple[Any, float]:
+    """A motion and its error at the end."""
+    p, start, time, end = case
+    if way:
+        simulate = importlib.import_module(f"{module.__name__}._simulate")
+        library = importlib.import_module(f"{module.__name__}._library")
+        advance = {"numpy": simulate.advance, "ctypes": library.advance}[way]
+        tolerances = (how.pop("rtol", 1e-9), how.pop("atol", 1e-9))
+        given = ([0.0, time], start, None, p, *tolerances, None, 10**6, None)
+        result = simulate.run(advance, way, *given, **how)
+    else:
+        how = {"rtol": 1e-9, "atol": 1e-9, **how}
+        result = module.simulate([0.0, time], start, p=p, **how)
+    return result, float(np.abs(result.x[-1] - end).max())
+
+
+@WITH_COMPILER
+@CASES
+def test_error_control_keeps_to_the_tolerance(module: ModuleType, case: Any) -> None:
+    """Without the landings one step in two is rejected, and friction is off by 30 tolerances."""
+    _check_controlled(module, "dop853", case)
+
+
+@pytest.mark.slow
+@WITH_COMPILER
+@CASES
+@pytest.mark.parametrize("name", ADAPTIVE)
+def test_other_methods_keep_to_the_tolerance(others: ModuleType, name: str, case: Any) -> None:
+    _check_controlled(others, name, case)
+
+
+def _check_controlled(module: ModuleType, name: str, case: Any) -> None:
+    result, error = motion(module, case, integrator=name)
+    assert result.landings >= 2
+    assert error < 3e-8
+    assert result.rejected <= (20 if name == "radau" else 12)
+
+
+@WITH_COMPILER
+@CASES
+def test_equal_steps_keep_their_order(module: ModuleType, case: Any) -> None:
+    _check_order(module, "rk4", 4, case)
+
+
+@pytest.mark.slow
+@WITH_COMPILER
+@CASES
+def test_implicit_equal_steps_keep_their_order(others: ModuleType, case: Any) -> None:
+    _check_order(others, "implicit_midpoint", 2, case)
+
+
+def _check_order(module: ModuleType, name: str, order: int, case: Any) -> None:
+    steps = [case[2] / n for n in (100, 200, 400)]
+    errors = [motion(module, case, integrator=name, step_size=h)[1] for h in steps]
+    assert np.log2(errors[0] / errors[2]) / 2 > order - 0.4
+
+
+@WITH_COMPILER
+@CASES
+def test_c_ctypes_numpy_and_lanes_land_alike(module: ModuleType, case: Any) -> None:
+    own, _ = motion(module, case)
+    for way in ("ctypes", "numpy"):
+        other, error = motion(module, case, way)
+        assert other.landings == own.landings >= 2 and error < 3e-8
+        assert abs(other.steps - own.steps) <= 2
+    p, start, time, _ = case
+    starts = np.add(start, [[0.0, 1e-3 * k] for k in range(9)])
+    many = module.simulate([0.0, time], starts, p=p, rtol=1e-9, atol=1e-9)
+    single = [module.simulate([0.0, time], x, p=p, rtol=1e-9, atol=1e-9) for x in starts]
+    assert many.landings.tolist() == [one.landings for one in single]
+    assert many.landings.min() >= 2
+    assert np.abs(many.x[:, -1] - [one.x[-1] for one in single]).max() < 1e-9
+
+
+@WITH_COMPILER
+def test_a_motion_held_at_a_jump_goes_on(module: ModuleType) -> None:
+    """Friction that holds the mass makes ẋ = 0 a jump that the motion cannot leave: it is slow, as
+    ever, but no search without end."""
+    result, error = motion(module, HELD, rtol=1e-5, atol=1e-5)
+    assert error < 1e-3
+    assert result.landings < result.steps
+
+
+@WITH_COMPILER
+def test_rows_inputs_and_events_at_a_kink(module: ModuleType) -> None:
+    """A row, a knot of a table and an event stand where the kink does."""
+    p, start, _, _ = BENT
+    quarter = np.pi / 2
+    table = module.Table([0.0, quarter, 10.0], [0.0, 0.0, 0.0])
+    t = [0.0, quarter, 2 * quarter, 3 * quarter]
+    events = {"zero": lambda t, x: x[0]}
+    result = module.simulate(t, start, {"F": table}, p, rtol=1e-9, atol=1e-9, events=events)
+    wanted = [[-1, 0], [0, 1], [0, -1], [-1, 0]]
+    assert np.abs(result.x - wanted).max() < 1e-8
+    assert np.abs(result.events.of("zero").t - [quarter, 2 * quarter]).max() < 1e-8
+
+
+def of(force: str, more: str = "") -> System:
+    return system(
+        load_text(
+            "model: m\ncoordinates: {x: m}\nkinetic: 1 kg*der(x)^2/2\nparameters: {b: 1 m}\n"
+            f"inputs: {{F: {{unit: N}}}}\nforces: {{x: '{force}'}}\n{more}"
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("force", "count"),
+    [
+        ("(1 N)*x/b", 0),
+        ("(1 N)*abs(b/b)", 0),  # nothing moves there
+        ("(1 N)*abs(x/b) + (2 N)*sign(x/b)", 1),
+        ("(1 N/m)*(ramp(x - b) - ramp(-x - b))", 2),
+        ("(1 N/m)*ramp(x) - (1 N/m)*ramp(-x)", 1),
+        ("clip(F, -1 N, 1 N)", 1),
+        ("(1 N/m)*clip(x, -b, b)", 2),
+        ("piecewise(t, 0 N, 1 s, 1 N, 2 s, 0 N)", 1),
+        ("(1 N)*step(x, b)", 0),  # smooth
+        ("(1 N)*f(x)", 1),
+    ],
+)
+def test_kinks_of_forces(force: str, count: int) -> None:
+    """One function for each term, wherever it comes from; none of what cannot change."""
+    tables = "tables: {f: {points: [[0, 1], [1, 2], [3, 1]], units: [m, '']}}\n"
+    assert len(kinks(of(force, tables if "f(x)" in force else ""))) == count
+
+
+def test_one_function_changes_its_sign_at_every_threshold() -> None:
+    import casadi as ca
+
+    found = of("piecewise(t, 0 N, 1 s, 1 N, 2 s, 0 N, 4 s, 1 N)")
+    g = ca.Function("g", [found.t], list(kinks(found)))
+    signs = [
+        float(np.sign(float(g(t)))) for t in (0.0, 0.999, 1.001, 1.999, 2.001, 3.999, 4.001, 9)
+    ]
+    assert signs in ([-1, -1, 1, 1, -1, -1, 1, 1], [1, 1, -1, -1, 1, 1, -1, -1])
+    assert float(g(1.0)) == float(g(2.0)) == float(g(4.0)) == 0.0
+
+
+def test_contact_and_potentials_have_kinks() -> None:
+    sphere = """model: dropped
+plane: xz
+gravity: [0, -9.81 m/s^2]
+bodies: {ball: {mass: 1 kg, inertia: 0.1}}
+joints: {j: {type: planar, parent: ground, child: ball, coordinates: [x, z, turn]}}
+loads:
+  floor: {type: contact, body: ball, shape: {wheel: {radius: 0.1 m}}, plane: {normal: [0, 1]}, stiffness: 1000 N/m, damping: 1 s/m, friction: 0.3, smoothing: 1 mm/s}
+"""
+    assert len(kinks(system(load_text(sphere)))) == 2  # touching, and pressed at all
+    stop = of("0 N", "potential: (1 N/m)*max(0 m, x - b)^2\n")
+    assert len(kinks(stop)) == 1

@@ -69,10 +69,11 @@ def _equations(path: str | PathLike[str], choice: str | None) -> Equations:
     equations = equations_of(path, choice)
     names = {request.name for request in equations.requests}
     if "regressor_w" not in names:
+        analytic = equations.system.model.kinetic is not None
         raise AssumptionError(
             f"{equations.system.model.name} has no body with a mass that moves, so no standard "
             "parameters",
-            "bodies and joints in place of `kinetic:`",
+            "bodies and joints in place of `kinetic:`" if analytic else "",
         )
     return equations
 

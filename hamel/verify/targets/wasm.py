@@ -142,19 +142,22 @@ def _error(subject: Subject, name: str, values: list[Any]) -> float:
 
 
 def _in_node(node: str, subject: Subject, asked: dict[str, Any]) -> dict[str, Any]:
-    """Raises ToolchainError where the files cannot even be loaded."""
+    """What the script found; nothing where it did not come to its end."""
     with _served(subject) as folder:
         text = (NODE + COMMON) % {"name": subject.name}
         (folder / "check.mjs").write_text(text, "utf-8")
-        done = subprocess.run(
-            [node, "check.mjs"],
-            check=False,
-            cwd=folder,
-            input=json.dumps(asked),
-            capture_output=True,
-            text=True,
-            timeout=LIMIT,
-        )
+        try:
+            done = subprocess.run(
+                [node, "check.mjs"],
+                check=False,
+                cwd=folder,
+                input=json.dumps(asked),
+                capture_output=True,
+                text=True,
+                timeout=LIMIT,
+            )
+        except subprocess.TimeoutExpired:
+            return {}
     return json.loads(done.stdout) if done.returncode == 0 and done.stdout else {}
 
 

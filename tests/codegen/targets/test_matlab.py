@@ -89,6 +89,12 @@ def test_calls_that_do_not_fit_say_so(cart_pole, tmp_path):
     subprocess.run(["octave-cli", "--norc", "use.m"], check=True, cwd=tmp_path / "cart_pole")
 
 
+@needs_octave
+def test_a_script_without_an_end_has_failed(tmp_path):
+    (tmp_path / "check.m").write_text("while true\nend\n")
+    assert checked._said_by_octave(tmp_path, "check.m", 0.5) == "check.m did not end within 0.5 s"
+
+
 @pytest.mark.parametrize("name", ["end", "classdef", "zeros", "_toy", "a" * 60])
 def test_names_that_matlab_does_not_take_are_refused(name):
     made = replace(program(toy("toy")), name=name, targets=("matlab",))

@@ -8,6 +8,7 @@ Of hamel.verify.targets: wasm, motions.
 
 import shutil
 import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -18,6 +19,7 @@ from codegen.passes import program
 from codegen.runtime import build_wasm
 from derive.diagnostics import AssumptionError, ToolchainError
 from hamel.build.module import compiled
+from hamel.verify.targets import Subject
 from hamel.verify.targets import wasm as checked
 from tests.subjects import subject
 from tests.toy import toy
@@ -85,6 +87,15 @@ def test_a_browser_that_is_missing_is_said(cart_pole, monkeypatch):
     *_, last = checked.check(cart_pole)
     assert last.name == "not run in Chromium, which is not installed"
     assert "apt install chromium" in last.about
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="no Node")
+def test_what_does_not_end_in_node_has_no_values(tmp_path, monkeypatch):
+    monkeypatch.setattr(checked, "LIMIT", 0.5)
+    (tmp_path / "wasm").mkdir()
+    (tmp_path / "wasm" / "endless.mjs").write_text("while (true);\n")
+    endless = Subject("endless", tmp_path, sys, {})
+    assert checked._in_node("node", endless, {"rows": {}}) == {}
 
 
 @needs_tools

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import hamel
 from codegen.passes import program
 from derive.diagnostics import AssumptionError, ModelError
 from derive.enforcement import ENFORCEMENTS, Options, kept_equations, misfit
@@ -252,3 +253,26 @@ def test_a_model_without_states_has_none_anywhere() -> None:
     found = equations(system(load_text(TIED.split("where:")[0] + "initial: {guess: {s: 0.01 m}}")))
     assert not found.z and not program(found).states
     assert found.argument("x").labels == ("s", "q", "q_dot")
+
+
+LAG = """
+model: lag
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {m: 1 kg, T: 0.1 s}
+bodies: {b: {mass: m, com: [0.3 m, 0], inertia: 0.1 kg*m^2}}
+joints: {J: {type: revolute, parent: ground, child: b, coordinate: q}}
+inputs: {cmd: {unit: N*m}}
+states: {tau: {rate: (cmd - tau)/T, unit: N*m}}
+loads: {motor: {type: expression, joint: J, expression: tau}}
+"""
+
+
+def test_standard_parameters_do_not_mind_states(tmp_path):
+    """The regressor takes (q, v, v̇); what states push with is told by no motion."""
+    file = tmp_path / "lag.yaml"
+    file.write_text(LAG)
+    hamel.build(file, out=tmp_path / "lag", functions=("regressor", "regressor_w"))
+    assert len(hamel.base_parameters(file).base) == 3
+    with pytest.raises(AssumptionError, match="first-order states"):
+        hamel.build(file, out=tmp_path / "rest", functions=("regressor_rest",))

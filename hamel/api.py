@@ -356,6 +356,29 @@ def identify(
     return run(path, data, choice, cutoff, check, out, page)
 
 
+def free_parameters(
+    path: Model,
+    data: str | Path,
+    names: Sequence[str],
+    *,
+    choice: str | None = None,
+    segments: int = 10,
+    cutoff: float | None = None,
+) -> records.FreeParameters:
+    """Fit any parameters of a model to a motion in a CSV file by multiple shooting: columns t and
+    all inputs, and coordinates, velocities, states or outputs as far as they were measured.
+
+    `cutoff` (Hz) is of the filter that first guesses come from. Raises ModelError for what is wrong
+    with the file, AssumptionError where the motion does not tell them.
+    """
+    from hamel.optional import library
+
+    library("scipy", "identification", "identify")
+    from hamel.verbs.identify import shoot
+
+    return shoot(path, data, names, choice, segments, cutoff)
+
+
 def excitation(
     path: Model,
     out: str | Path,

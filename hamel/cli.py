@@ -291,6 +291,16 @@ def simulate(
     metavar="HZ",
     help="Of the filter, where accelerations are missing (default: by the spectrum).",
 )
+@click.option(
+    "--free", metavar="a,b", help="Fit these parameters of the file, by simulation of DATA."
+)
+@click.option(
+    "--segments",
+    type=click.IntRange(1, 1000),
+    default=10,
+    show_default=True,
+    help="Of --free: parts of the motion with starts of their own.",
+)
 @click.option("--check", metavar="FILE.csv", help="A motion to predict, that is not fitted.")
 @click.option("-o", "--out", metavar="FILE.yaml", help="Write the model with the values found.")
 @click.option("--page", metavar="FILE.html", help="Write values and plots.")
@@ -321,6 +331,13 @@ def identify(model: str, data: str | None, base: bool, excite: str | None, **opt
     if excite:
         return hamel.excitation(model, excite, **series)
     assert data is not None  # the one that is left of the three
+    free, segments = options.pop("free"), options.pop("segments")
+    if free:
+        unused = [name for name in ("check", "out", "page") if options[name] is not None]
+        if unused:
+            raise click.UsageError(f"--{unused[0]} is not for --free")
+        names, how = free.split(","), {x: options[x] for x in ("choice", "cutoff")}
+        return hamel.free_parameters(model, data, names, segments=segments, **how)
     return hamel.identify(model, data, **options)
 
 

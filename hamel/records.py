@@ -584,6 +584,32 @@ class Identified:
 
 
 @dataclass(frozen=True)
+class FreeParameter:
+    """A parameter of the file that was fitted by simulation, with its standard deviation for noise
+    that is independent from row to row."""
+
+    name: str
+    unit: str
+    file: float
+    value: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class FreeParameters:
+    """Parameters by multiple shooting. `measured`: what is left of each quantity, root mean square
+    in its unit; `gap`: the largest between two segments, in spreads of the state."""
+
+    model: str
+    data: str
+    rows: int
+    segments: int
+    parameters: tuple[FreeParameter, ...]
+    measured: Mapping[str, float]
+    gap: float
+
+
+@dataclass(frozen=True)
 class Excitation:
     """A Fourier series in `file`: q = middle + Σ (aₖ sin kωt − bₖ cos kωt)/kω, ω = 2π/period."""
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from codegen.program import Expression, Kernel, Load, Pivot, Section, Statement
 
 WHOLE = 1_000  # statements that a function may have and stay in one piece
+READ = 1_000  # entries of arguments that it may read, likewise
 LONGEST = 250  # statements in one part of a longer one
 COPIED = 500  # results from which on a loop copies them
 
@@ -93,7 +94,7 @@ def _count(kernel: Kernel) -> int:
     """Of parts. A long function of few statements is one that sums up very many entries."""
     total = sum(len(section.statements) for section in kernel.sections)
     entries = len(kernel.loads) - sum(copy.count for copy in _copies(kernel))
-    lines = total + entries if entries > WHOLE else total
+    lines = total + entries if entries > READ else total
     return min(total, -(-lines // LONGEST)) if lines > WHOLE else 1
 
 

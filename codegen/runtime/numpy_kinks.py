@@ -58,18 +58,20 @@ def landing(motion: Motion, step: Step, z: np.ndarray, error: float) -> Landing:
     if not NEAREST < place < 1:
         return whole
     fixed = bool(motion.state["step_size"])
-    start, a, b = kinks(motion, step.t, step.y)[k], 0.0, 1.0
+    start: Any = kinks(motion, step.t, step.y)[k]
+    a, b = 0.0, 1.0
     off = 0.1 if fixed else CLOSE
     for _ in range(ATTEMPTS):
-        theta = max(0.5 * (a + place), (1 - off) * place)
+        theta = float(max(0.5 * (a + place), (1 - off) * place))
         try:
             short, z, error = motion.stepped(step.t, theta * step.h, step.y, step.stages[0])
         except Failed:
             break
         trial = Landing(short, z, 0.0 if fixed else error, k + 1)
-        g = kinks(motion, trial.end, z)[k]
+        g: Any = kinks(motion, trial.end, z)[k]
         if not g * start > 0:
-            b, place = theta, theta * _root(_along(motion, short, z, k), 0.0, 1.0, start, g, 8)
+            b = theta
+            place = theta * float(_root(_along(motion, short, z, k), 0.0, 1.0, start, g, 8))
             place = place if place > a else 0.5 * (a + b)
         elif not trial.error <= 1:
             off *= 8
@@ -82,7 +84,7 @@ def landing(motion: Motion, step: Step, z: np.ndarray, error: float) -> Landing:
             if off > 2 * CLOSE and not fixed:
                 trial.number = 0
                 return trial
-            a, place = theta, min(theta + trial.left / step.h, 0.5 * (theta + b))
+            a, place = theta, min(theta + float(trial.left / step.h), 0.5 * (theta + b))
             off *= 0.1
     return whole
 
@@ -118,10 +120,10 @@ def _first(motion: Motion, step: Step, z: np.ndarray) -> tuple[float, int]:
         a, b = (j - 1) / FOURTHS, j / FOURTHS
         at = state(b) if j < FOURTHS else z
         after = kinks(motion, step.t + b * step.h, at)
-        changed = [k for k in np.flatnonzero(before * after < 0) if k != masked]
+        changed = [int(k) for k in np.flatnonzero(before * after < 0) if k != masked]
         if changed:
             roots = [
-                (_root(_along(motion, step, z, k), a, b, before[k], after[k], 8), int(k))
+                (float(_root(_along(motion, step, z, k), a, b, before[k], after[k], 8)), k)
                 for k in changed
             ]
             return min(roots)

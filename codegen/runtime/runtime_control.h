@@ -3,7 +3,8 @@
    Plain C99 without allocation. The file that includes this one defines the model first:
 
        Simulation          the structure of NAME_simulate.h
-       NX, NQ, N, MOVING   numbers of states, of coordinates among them, NX + 1 (the work), and how many of these move
+       NX, NQ, NZ          numbers of states, of coordinates and of first-order states among them
+       N, MOVING           NX + 1 (the work), and how many of these move
        MODEL_dynamics(r)   the function f(t, x, u, p, out) that stands for dynamics, and so for power, project, constraints,
                            guards, closure, slip, manifold, jacobian and jacobian_t where there are such functions
        HAS_POWER ...       1 where there is one, else 0; TURNING how many coordinates go round

@@ -5,7 +5,7 @@
 #if HAS_COORDINATES
 /* ---- charts: what the directions E span is solved from the constraints, the rest is integrated */
 
-enum { NW = NX - NQ, POSITIONS = CLOSURE_ROWS, VELOCITIES = SLIP_ROWS, MOST = POSITIONS > VELOCITIES ? POSITIONS : VELOCITIES };
+enum { NW = NX - NQ - NZ, POSITIONS = CLOSURE_ROWS, VELOCITIES = SLIP_ROWS, MOST = POSITIONS > VELOCITIES ? POSITIONS : VELOCITIES };
 
 static int on_coordinates(const Run *r)
 {

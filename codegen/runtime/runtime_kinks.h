@@ -80,7 +80,7 @@ static double first_kink(Run *r, int but, double t, double h, const double *y, c
 }
 
 /* The state by h behind a step, by its last slope, which changes as it did; the kink there. */
-static double carried(Run *r, const Trial *to, double h, double *z)
+static double behind(Run *r, const Trial *to, double h, double *z)
 {
     int i;
     for (i = 0; i < N; i++)
@@ -91,17 +91,17 @@ static double carried(Run *r, const Trial *to, double h, double *z)
 /* How far behind a step the kink is, that way; `most` where it is no nearer. */
 static double carried_root(Run *r, const Trial *to, double g, double most)
 {
-    double z[N], a = 0.0, b = fmin(most, to->h), ga = g, gb = carried(r, to, b, z);
+    double z[N], a = 0.0, b = fmin(most, to->h), ga = g, gb = behind(r, to, b, z);
     int n;
     if (!(ga * gb < 0.0) && b < most)
-        gb = carried(r, to, b = most, z);
+        gb = behind(r, to, b = most, z);
     if (!(ga * gb < 0.0))
         return most;
     for (n = 0; n < 60 && b - a > DBL_EPSILON * most; n++) {
         double c = n % 4 == 3 ? 0.5 * (a + b) : b - gb * (b - a) / (gb - ga), gc;
         if (!(c > a && c < b))
             c = 0.5 * (a + b);
-        gc = carried(r, to, c, z);
+        gc = behind(r, to, c, z);
         if (gc * gb > 0.0)
             b = c, gb = gc;
         else
@@ -184,7 +184,7 @@ static void across_kink(Run *r, double time, Trial *to)
     double z[N], next[N], h, more = 2.0 * DBL_EPSILON * fmax(fabs(to->end), to->left);
     int n;
     for (n = 0; n < 20 && to->end + (h = to->left + more) < time; n++, more *= 2.0) {
-        if (!(start * carried(r, to, h, z) < 0.0))
+        if (!(start * behind(r, to, h, z) < 0.0))
             continue;
         if (slope(r, to->end + h, z, next) != OK)
             return;

@@ -376,7 +376,8 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
         held = rows["manifold"] - rows["closure"] - rows["slip"]
         blocks.append(("held", held, "the invariants at the start"))
     if has["charts"]:
-        blocks += _coordinates(rows["closure"], rows["slip"], nq, nx - nq)
+        nw = nx - nq - len(program.states)
+        blocks += _coordinates(rows["closure"], rows["slip"], nq, nw)
     if stages := _stages(chosen):
         blocks += [
             ("collocated_t", 0, "the last implicit step, which foretells the next: its start"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from derive.diagnostics import AssumptionError, listed
+from derive.diagnostics import AssumptionError
 from derive.enforcement.baumgarte import BAUMGARTE
 from derive.enforcement.charts import PARTITIONING, SELECTIVE, TANGENT
 from derive.enforcement.feedback import FEEDBACK
@@ -33,11 +33,6 @@ ENFORCEMENTS: tuple[Enforcement, ...] = (
 
 def misfit(enforcement: Enforcement, found: Equations, options: Options) -> str:
     """Why an enforcement does not fit some equations, "" where it does."""
-    if found.z and not enforcement.carries_states:
-        return (
-            f"the model has first-order states ({listed(found.z)}), which it does not carry: "
-            "use projection, none, feedback or baumgarte"
-        )
     return enforcement.refusal(found, options)
 
 

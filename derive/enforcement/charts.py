@@ -38,7 +38,6 @@ PARTITIONING = Enforcement(
     level="stages",
     refusal=_refusal,
     needs=_needs,
-    carries_states=False,
 )
 
 SELECTIVE = Enforcement(
@@ -49,7 +48,6 @@ SELECTIVE = Enforcement(
     level="stages",
     refusal=_refusal,
     needs=_needs,
-    carries_states=False,
     stop="the coordinates that were selected at the start may be: partitioning selects anew",
 )
 
@@ -62,5 +60,4 @@ TANGENT = Enforcement(
     level="stages",
     refusal=_refusal,
     needs=_needs,
-    carries_states=False,
 )

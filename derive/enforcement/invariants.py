@@ -27,7 +27,7 @@ def _invariants(equations: Equations, options: Options) -> list[tuple[str, ca.SX
     names raise KeyError."""
     system = equations.system
     v = equations.function("velocity").result.value
-    w = equations.argument("x").symbols[system.q.numel() :]
+    w = equations.argument("x").symbols[equations.speeds]
     energy = equations.function("energy").result.value
     momenta = ca.substitute(ca.jacobian(system.T, system.v).T, system.v, v)
     names = {velocity.name: j for j, velocity in enumerate(system.model.velocities)}
@@ -86,8 +86,9 @@ def _relative_rate(equations: Equations, value: ca.SX, options: Options) -> floa
     frame = equations.frame.values if equations.frame else ()
     rates: list[float] = []
     for t, q, v, p in zip(s.t, s.q, s.v, s.p):
-        given = np.concatenate([options.parameters or p, frame])
-        x = to_x(t, np.concatenate([q, v]), given)
+        own, z = np.split(p, [len(p) - len(equations.z)])
+        given = np.concatenate([options.parameters or own, frame])
+        x = to_x(t, np.concatenate([q, v, z]), given)
         entries = np.asarray(function(t, x, u, given)).ravel()
         if np.isfinite(entries).all() and np.any(entries):
             rates.append(abs(entries.sum()) / np.abs(entries).sum())
@@ -103,11 +104,9 @@ def _with_manifold(euclidean: bool, equations: Equations, options: Options) -> E
 
 def _manifold(equations: Equations, held: list[tuple[str, ca.SX]], euclidean: bool) -> Function:
     """[g, K = G W⁻¹ Gᵀ, W⁻¹ Gᵀ]: what one Newton step x ← x − W⁻¹ Gᵀ K⁻¹ g needs. Derivatives are
-    along v, so that quaternions move along their rates."""
+    along v, so that quaternions move along their rates; first-order states stay."""
     system = equations.system
-    x = equations.argument("x").symbols
-    nq = system.q.numel()
-    w = x[nq:, 0]
+    w = equations.argument("x").symbols[equations.speeds, 0]
     requests = {request.name: request for request in equations.requests}
     closure = requests["closure"].function.result if "closure" in requests else None
     slip = (
@@ -124,7 +123,8 @@ def _manifold(equations: Equations, held: list[tuple[str, ca.SX]], euclidean: bo
     solved = ldl_solution(scalars(W), scalars(G), list(reversed(range(W.size1()))))
     toward = ca.horzcat(*[ca.vertcat(*column) for column in solved.x]).T  # rows of G W⁻¹
     nv = system.v.numel()
-    steps = ca.horzcat(ca.mtimes(toward[:, :nv], system.N.T), toward[:, nv:])
+    still = ca.SX(toward.size1(), len(equations.z))
+    steps = ca.horzcat(ca.mtimes(toward[:, :nv], system.N.T), toward[:, nv:], still)
     value = ca.densify(ca.horzcat(g, ca.mtimes(toward, G.T), steps))
     labels = tuple(
         label for result in (closure, slip) if result is not None for label in result.labels
@@ -158,7 +158,6 @@ def _enforcement(name: str, near: str, euclidean: bool) -> Enforcement:
         ),
         equations=lambda found, options: _with_manifold(euclidean, found, options),
         conserves=True,
-        carries_states=False,
     )
 
 

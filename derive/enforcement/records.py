@@ -43,9 +43,8 @@ class Enforcement:
     """`refusal` says why an enforcement does not fit some equations ("" where it does); `system`
     and `equations` are what it makes of the mechanics before a formulation sees it, and of the
     formulation's result; `needs` are the functions its code calls; `conserves` says whether it
-    looks at `Options.conserve`, `carries_states` whether x may end with first-order states; `stop`
-    is what else than the choice of quasi-velocities can be singular where a motion stops, and the
-    way out.
+    looks at `Options.conserve`; `stop` is what else than the choice of quasi-velocities can be
+    singular where a motion stops, and the way out.
     """
 
     name: str
@@ -57,5 +56,4 @@ class Enforcement:
     system: Callable[[System, Options], System] = same
     equations: Callable[[Equations, Options], Equations] = unchanged
     conserves: bool = False
-    carries_states: bool = True
     stop: str = ""

@@ -55,7 +55,8 @@ def equations(
     if len(result) > 1 and not carried:
         names = listed(state.name for state in system.model.states)
         raise AssumptionError(
-            f"{system.model.name}: charts do not carry first-order states ({names})",
+            f"{system.model.name}: charts do not carry first-order states ({names}): what takes a "
+            "state from one to another knows q and v alone",
             "one choice of quasi-velocities",
         )
     if len(result) > 1:

@@ -85,7 +85,7 @@ def _slip(equations: Equations, kept: Sequence[int], x: Argument) -> Function:
     """[A v − c, A] of the independent rows, rates of φ before nonholonomic rows."""
     system = equations.system
     order = sorted(kept, key=lambda i: system.rows[i].position < 0)  # holonomic rows first
-    w = x.symbols[system.q.numel() :, 0]
+    w = x.symbols[equations.speeds, 0]
     violation = ca.substitute(
         ca.mtimes(system.A[order, :], system.v) - system.c[order], system.v, w
     )

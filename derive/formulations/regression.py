@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import casadi as ca
 
+from derive.diagnostics import AssumptionError, listed
 from derive.formulations.functions import Minimal, Motion, at_motion, per_second
 from derive.formulations.records import Argument, Function, Request, Result
 from derive.mechanics import regressor as mechanics
@@ -66,7 +67,7 @@ def _regressor(system: System) -> Function:
 
 def _rest(system: System) -> Function:
     vdot = _rates(tuple(v.name for v in system.model.velocities))
-    value = ca.densify(mechanics.rest(system, vdot))
+    value = ca.densify(_of_motion(system, mechanics.rest(system, vdot)))
     result = Result("rest", value, _velocities(system), ())
     return Function("regressor_rest", REST, result, x=_with_vdot(system, vdot))
 
@@ -82,11 +83,24 @@ def _regressor_w(system: System, motion: Motion, of: Minimal) -> Function:
 
 def _rest_w(system: System, motion: Motion, of: Minimal) -> Function:
     wdot = _rates(motion.names)
-    forces = mechanics.rest(system, ca.mtimes(of.S, wdot) + of.sigma)
+    forces = _of_motion(system, mechanics.rest(system, ca.mtimes(of.S, wdot) + of.sigma))
     value = ca.densify(ca.mtimes(of.S.T, at_motion(system, motion, forces)))
     result = Result("rest_w", value, motion.names, ())
     taken = _with_wdot(system, motion, wdot)
     return Function("regressor_rest_w", REST_W, result, guards=motion.guards, x=taken)
+
+
+def _of_motion(system: System, forces: ca.SX) -> ca.SX:
+    """Forces that q, v and their rates tell. Raises AssumptionError where first-order states act,
+    which no measured motion holds."""
+    if system.z.numel() and ca.depends_on(forces, system.z):
+        names = listed(state.name for state in system.model.states)
+        raise AssumptionError(
+            f"forces of {system.model.name} depend on first-order states ({names}), which a motion "
+            "does not tell",
+            "parameters fitted to whole motions: hamel identify --free",
+        )
+    return forces
 
 
 def _rates(names: tuple[str, ...]) -> ca.SX:

@@ -3,22 +3,23 @@ names."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import listed
 from derive.expressions.dimensions import UNKNOWN, infer
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.tree import ONE, Expression
+from derive.expressions.tables import Table
+from derive.expressions.tree import ONE, Call, Expression, Name
 from derive.expressions.units import NUMBER, TIME, Dimension, pretty, product_of, quotient_of
 from derive.model import algebra
 from derive.model.document import Key, Scalar
 from derive.model.entries import InputEntry
 from derive.model.frames import Names
-from derive.model.load_records import Armature
+from derive.model.load_records import Armature, GeneralisedForce
 from derive.model.reader import Reader, dimension_of, force_unit
-from derive.model.records import Input, Velocity
+from derive.model.records import Input, Model, Velocity
 from derive.model.scope import INPUT, Symbol
 
 if TYPE_CHECKING:
@@ -38,10 +39,57 @@ def _input(reader: Reader, key: Key, entry: InputEntry, velocities: tuple[Veloci
     gear, written = _gear(reader, key, entry, target)
     if entry.unit is not None:
         written = _checked_unit(reader, entry.unit, written)
-    known = dimension_of(written) if target or entry.unit is not None else UNKNOWN
+    table = reader.word(entry.table, reader.curves, "table") if entry.table else None
+    if entry.table and table:
+        written = _unit_by_table(reader, entry.table, reader.curves[table], written)
+    known = dimension_of(written) if target or written or entry.unit is not None else UNKNOWN
     reader.scope.add(name, Symbol(frozenset({INPUT}), known))
     about = entry.about.text if entry.about else ""
-    return Input(name, target.name if target else "", written, about, key.span, gear)
+    velocity = target.name if target else ""
+    return Input(name, velocity, written, about, key.span, gear, table or "")
+
+
+def _unit_by_table(reader: Reader, scalar: Scalar, table: Table, written: str) -> str:
+    """The unit of an input that follows a table: that of its values, unless another is known."""
+    x, y = table.units
+    if dimension_of(x) != TIME:
+        message = f"the table '{table.name}' over {x or 'plain numbers'} for an input"
+        reader.report(scalar.span, message, "a table over time: units: [s, …]")
+    if written and dimension_of(y) != dimension_of(written):
+        message = f"the table '{table.name}' of {y or 'plain numbers'} for an input in {written}"
+        reader.report(scalar.span, message, f"units: [s, {written}]")
+    return written or y
+
+
+def check_held(reader: Reader, model: Model) -> None:
+    """Report steady motions that hold an input which follows a table."""
+    tables = {x.name: x.table for x in model.inputs if x.table}
+    for motion in model.steady_motions:
+        for name in (*dict(motion.values), *motion.free):
+            if name in tables:
+                message = f"the steady motion '{motion.name}' holds '{name}'"
+                expected = f"an input that does not follow a table, as '{name}' does"
+                reader.report(motion.span, message, expected)
+
+
+def with_courses(model: Model) -> Model:
+    """The model without the inputs that follow tables: they are definitions, and forces where they
+    drive a velocity."""
+    following = [x for x in model.inputs if x.table]
+    if not following:
+        return model
+    courses = {x.name: Call(x.table, (Name("t"),)) for x in following}
+    forces = (
+        GeneralisedForce(x.name, x.velocity, algebra.times(x.gear, courses[x.name]), x.span)
+        for x in following
+        if x.velocity
+    )
+    return replace(
+        model,
+        inputs=tuple(x for x in model.inputs if not x.table),
+        definitions=(*courses.items(), *model.definitions),
+        loads=(*model.loads, *forces),
+    )
 
 
 def _gear(

@@ -46,6 +46,7 @@ def built(document: Document, source: Source) -> Model:
     reader = Reader(source, Space(document.plane or ""))
     _check_head(reader, document)
     curves = tables.tables(reader, document)
+    reader.curves = {table.name: table for table in curves}
     joints, names = _names(reader, document)
     reader.finish()
     model = _model(reader, document, joints, names)
@@ -57,8 +58,9 @@ def built(document: Document, source: Source) -> Model:
     )
     reader.finish()
     check_tips(reader, model)
+    actuators.check_held(reader, model)
     reader.finish()
-    return model
+    return actuators.with_courses(model)
 
 
 def _check_head(reader: Reader, document: Document) -> None:

@@ -396,6 +396,11 @@ class InputEntry(Entry):
     unit: Unit | None = Field(
         None, description="Unit of the input.", json_schema_extra=term("unit of the entry of u")
     )
+    table: Named | None = Field(
+        None,
+        description="A table over time (s) that the input follows.",
+        json_schema_extra=term("table(t) in the place of u, of which it is no entry then"),
+    )
     about: Text | None = Field(
         None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
     )

@@ -97,6 +97,8 @@ def _rpy(reader: Reader, angles: Items) -> Rotation | None:
 
 def _about(axis: Vector3, angle: Expression) -> Rotation:
     """Rodrigues; by numbers where the angle is one, else as a formula of parameters."""
+    if isinstance(angle, Number) and angle.value == 0.0:
+        return algebra.IDENTITY
     if isinstance(angle, Number):
         return turned_about(numbers(axis), angle.value)
     s, c = Call("sin", (angle,)), Call("cos", (angle,))

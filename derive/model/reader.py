@@ -19,6 +19,7 @@ from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, Functio
 from derive.expressions.limits import too_large
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, plain_number, quantity, unit
+from derive.expressions.tables import Table
 from derive.expressions.tree import Expression, Number
 from derive.expressions.units import (
     ENERGY,
@@ -61,6 +62,7 @@ class Reader:
         self.definitions: dict[str, Expression] = {}
         self.measures = Measures()
         self.functions: dict[str, Function] = dict(FUNCTIONS)  # and the model's tables
+        self.curves: dict[str, Table] = {}  # the tables by name
         self.paths: dict[str, Path] = {}
         self.problems: list[Diagnostic] = []
         self.notes: list[str] = []  # what is taken otherwise than a reader might expect

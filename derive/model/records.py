@@ -226,6 +226,7 @@ class Input:
     about: str
     span: Span
     gear: Expression = ONE
+    table: str = ""  # over time, that it follows
 
 
 @dataclass(frozen=True)

@@ -51,11 +51,13 @@ def regressor_samples(equations: Equations, count: int, seed: int) -> Array:
     to_state = function_of(equations, "state")
     rng = np.random.default_rng(seed)
     frame = () if equations.frame is None else equations.frame.values
+    count_of_own = len(system.own_parameters)  # behind them p has the first-order states
     blocks: list[Array] = []
     for t, q, v, u, p in zip(samples.t, samples.q, samples.v, samples.u, samples.p):
-        own = np.concatenate([p, frame])
-        x = to_state(t, np.concatenate([q, v]), u, own).full().ravel()
-        taken = np.concatenate([x, rng.normal(size=len(equations.w))])
+        own = np.concatenate([p[:count_of_own], frame])
+        qvz = np.concatenate([q, v, p[count_of_own:]])
+        qw = to_state(t, qvz, u, own).full().ravel()[: len(q) + len(equations.w)]
+        taken = np.concatenate([qw, rng.normal(size=len(equations.w))])
         block = function(t, taken, u, own).full()
         largest = np.abs(block).max(initial=0.0)
         if np.isfinite(largest) and largest > 0.0:

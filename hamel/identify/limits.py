@@ -28,3 +28,13 @@ ABOVE = 5.0  # the cutoff is so many times that frequency
 NYQUIST = 0.4  # and at most this part of the sampling rate
 EVEN = 1e-3  # of a time step: what steps may differ
 LEAST = 20  # rows
+
+# shooting
+TOLERANCE = 1e-11  # of the motions: differences of them have to be smooth
+DIFFERENCE = (
+    1e-5  # of a scale, that a start or parameter is moved by: half of the digits that count
+)
+CONTINUOUS = 1e4  # standard deviations of noise that a gap of one spread of the state counts as
+EVALUATIONS = 100  # of all segments
+PASSES = 2  # the second with the noise that the first left
+TOLD = 1e-9  # of the largest singular value: what the motion tells nothing of

@@ -94,6 +94,37 @@ def measured(equations: Equations, file: str | Path, cutoff: float | None) -> Me
     return Measured(t, q, w, wdot, u, low, _notes(columns, known, names, velocities, low))
 
 
+@dataclass(frozen=True)
+class Recorded:
+    """Rows of a motion as they were measured: all columns of the file, inputs, and x, of which what
+    was not measured is a guess."""
+
+    t: Array
+    columns: dict[str, Array]
+    u: Array
+    x: Array
+
+
+def recorded(equations: Equations, file: str | Path, cutoff: float | None) -> Recorded:
+    """The motion of a file that is to be simulated: inputs have to be there, and what else is
+    measured may be any of the state, of velocities and of outputs. Raises ModelError."""
+    system, columns = equations.system, table(file)
+    model, t = system.model, _time(file, columns)
+    _check_inputs(equations, file, columns)
+    names = [x.name for x in model.coordinates]
+    known = [name for name in names if name in columns]
+    low = _filter(t, columns, names, cutoff) if known else None
+    smooth = low or (lambda x: x)
+    q = _positions(equations, t, {n: smooth(columns[n]) for n in known}, file)
+    given = {x.name: columns[x.name] for x in model.velocities if x.name in columns}
+    v = _velocities(equations, t, q, given)
+    u = np.column_stack([np.empty((len(t), 0)), *(columns[x.name] for x in model.inputs)])
+    initial = system.parameters[len(system.own_parameters) :]
+    z = [columns.get(x.name, np.full(len(t), a)) for x, a in zip(model.states, initial)]
+    w = _speeds(equations, t, q, np.column_stack([v, *z]), u)
+    return Recorded(t, columns, u, np.column_stack([q, w]))
+
+
 def _time(file: str | Path, columns: dict[str, Array]) -> Array:
     if "t" not in columns:
         raise ModelError(f"{file} has no column 't'", "the times in seconds")
@@ -110,13 +141,17 @@ def _check(equations: Equations, file: str | Path, columns: dict[str, Array]) ->
             f"{model.name} has no inputs, so nothing says how large the forces were",
             "inputs: {torque: {joint: NAME}} for every force that was measured",
         )
-    for item in model.inputs:
-        if item.name not in columns:
-            near = did_you_mean(item.name, columns) or f"it has {listed(list(columns))}"
-            raise ModelError(f"{file} has no column '{item.name}', an input; {near}")
+    _check_inputs(equations, file, columns)
     wanted = {x.name for x in model.coordinates}
     if not wanted & {*columns}:
         raise ModelError(f"{file} has no column of a coordinate", listed(sorted(wanted)))
+
+
+def _check_inputs(equations: Equations, file: str | Path, columns: dict[str, Array]) -> None:
+    for item in equations.system.model.inputs:
+        if item.name not in columns:
+            near = did_you_mean(item.name, columns) or f"it has {listed(list(columns))}"
+            raise ModelError(f"{file} has no column '{item.name}', an input; {near}")
 
 
 def _filter(t: Array, columns: dict[str, Array], names: Sequence[str], own: float | None) -> Filter:

@@ -60,6 +60,13 @@ def start(path: str, values: Mapping[str, float | str]) -> Start:
     return _start(path, tuple(sorted(values.items())))
 
 
+def start_now(path: str, values: Mapping[str, float | str]) -> Start:
+    """The same of the file as it is now: it may have been edited since an earlier study of this
+    process."""
+    _start.cache_clear()
+    return start(path, values)
+
+
 @functools.lru_cache(maxsize=2)
 def _start(path: str, values: tuple[tuple[str, float | str], ...]) -> Start:
     system = mechanics_of(load(path))

@@ -79,7 +79,7 @@ def study(
 ) -> Study:
     """All of it; what was found before is not computed again. `folder` is for the modules."""
     before = time.monotonic()
-    start = modules.start(case.path, case.values)
+    start = modules.start_now(case.path, case.values)
     planned = plan.plan(start.system, asked)
     options = {"report": 1, "values": sorted(case.values.items()), "span": case.span}
     so_far = Progress(

@@ -19,6 +19,7 @@ from hamel.sweep.work import Held
 
 PAGE = "sweep.html"
 BARS = 60  # of a histogram
+SAME = 1e-12  # relative: values no farther apart differ by rounding, and fill no bars
 CELLS = 150  # of a map, each way
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM, KEY = 560, 400, 70, 90, 30, 46, 14
 COLD, PALE, WARM = (0, 90, 160), (245, 240, 230), (190, 40, 20)
@@ -86,7 +87,7 @@ def _distribution(each: KeptColumn, of: Summary) -> str:
     if of.count < 2:
         return ""
     low, high = of.lowest[0][0], of.highest[0][0]
-    if not high > low:
+    if not high - low > SAME * max(abs(low), abs(high)):
         return ""
     values = np.clip([middle(k) for k in of.bins], low, high)
     counts, edges = np.histogram(values, BARS, (low, high), weights=list(of.bins.values()))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,17 +13,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from derive.states.closing import nominal
 from hamel.build.files import write_text
+from hamel.build.module import temporary_module
 from hamel.build.stages import equations_of
 from hamel.identify.base import Base, base_parameters
 from hamel.identify.excitation import columns, excitation
 from hamel.identify.fit import Fit, fit, own_values, relative
+from hamel.identify.measured import recorded
 from hamel.identify.page import page
+from hamel.identify.shooting import check_free, quantities, shot
 from hamel.identify.writing import identified
 from hamel.optional import library
-from hamel.records import BaseParameter, BaseParameters, Excitation, Identified, StandardParameter
+from hamel.records import (
+    BaseParameter,
+    BaseParameters,
+    Excitation,
+    FreeParameter,
+    FreeParameters,
+    Identified,
+    StandardParameter,
+)
 from hamel.show import table
 
 if TYPE_CHECKING:
@@ -30,6 +43,7 @@ if TYPE_CHECKING:
 
 PAGE = "identification.html"
 SOLVER = "clarabel"
+SEEN = ("dynamics", "velocity", "state", "outputs", "project", "constraints")
 
 
 def base(path: str | PathLike[str], choice: str | None) -> BaseParameters:
@@ -55,10 +69,11 @@ def _equations(path: str | PathLike[str], choice: str | None) -> Equations:
     equations = equations_of(path, choice)
     names = {request.name for request in equations.requests}
     if "regressor_w" not in names:
+        analytic = equations.system.model.kinetic is not None
         raise AssumptionError(
             f"{equations.system.model.name} has no body with a mass that moves, so no standard "
             "parameters",
-            "bodies and joints in place of `kinetic:`",
+            "bodies and joints in place of `kinetic:`" if analytic else "",
         )
     return equations
 
@@ -180,7 +195,58 @@ def excite(
     )  # fmt: skip
 
 
-def show(record: BaseParameters | Identified | Excitation, console: Console) -> None:
+def shoot(
+    path: str | PathLike[str],
+    data: str | Path,
+    free: Sequence[str],
+    choice: str | None,
+    segments: int,
+    cutoff: float | None,
+) -> FreeParameters:
+    """Any parameters of a model by simulation."""
+    if segments < 1:
+        raise ModelError(f"{segments} segments", "one or more")
+    equations = based(equations_of(path, choice))
+    check_free(equations, free)
+    motion = recorded(equations, data, cutoff)
+    quantities(equations, motion)
+    functions = [x for x in SEEN if equations.has(x)]
+    with temporary_module(equations, ("dop853",), None, functions) as module:
+        result = shot(equations, module, motion, free, segments)
+    model = equations.system.model
+    known = {x.name: x for x in model.parameters}
+    return FreeParameters(
+        model=model.name,
+        data=Path(data).name,
+        rows=len(motion.t),
+        segments=segments,
+        parameters=tuple(
+            FreeParameter(name, known[name].unit, known[name].value, float(value), float(deviation))
+            for name, value, deviation in zip(free, result.values, result.deviations)
+        ),
+        measured=dict(zip(result.measured, map(float, result.noise))),
+        gap=result.gap,
+    )
+
+
+def _show_free(record: FreeParameters, console: Console) -> None:
+    head = ("parameter", "unit", "file", "value", "deviation")
+    rows = [
+        (x.name, x.unit, *(_cell(v) for v in (x.file, x.value, x.deviation)))
+        for x in record.parameters
+    ]
+    table(console, head, rows, right=range(2, len(head)))
+    console.print(
+        f"{record.model}: {record.rows} rows of {record.data} in {record.segments} segments, "
+        f"which meet to {record.gap:.1g} of the spread of the state"
+    )
+    for name, left in record.measured.items():
+        console.print(f"  {name} is left with {left:.3g}")
+
+
+def show(
+    record: BaseParameters | Identified | Excitation | FreeParameters, console: Console
+) -> None:
     """The values as a table, and what they rest on."""
     if isinstance(record, BaseParameters):
         _show_base(record, console)
@@ -191,6 +257,8 @@ def show(record: BaseParameters | Identified | Excitation, console: Console) -> 
             f"{record.condition:.3g}"
         )
         console.print(f"  wrote {record.file}")
+    elif isinstance(record, FreeParameters):
+        _show_free(record, console)
     else:
         _show_values(record, console)
 

@@ -414,8 +414,10 @@ class Evidence:
             any_other = (
                 s.outcome.vdot + self.units.vdot * rng.normal(size=len(s.v)) for s in self.samples
             )
+            with_states = name == "inverse_dynamics"
             return tuple(
-                np.concatenate([s.whole, vdot]) for s, vdot in zip(self.samples, any_other)
+                np.concatenate([s.whole if with_states else np.concatenate([s.q, s.v]), vdot])
+                for s, vdot in zip(self.samples, any_other)
             )
         if name == "difference":
             others = (*self.samples[1:], *self.samples[:1])

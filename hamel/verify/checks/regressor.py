@@ -227,7 +227,8 @@ def over_w(e: Evidence) -> float | None:
     conditions = e.own_conditions(e.graph)
     for k, s in enumerate(e.samples):
         S = partial_velocities_at(e, k)
-        own = e.graph("dynamics", s.t, e.x[k], s.u, s.p)[len(s.q) :]
+        speeds = slice(len(s.q), len(s.q) + S.shape[1])  # behind them are first-order states
+        own = e.graph("dynamics", s.t, e.x[k], s.u, s.p)[speeds]
         wdot = own + e.units.w / e.units.time * rng.normal(size=len(own))
         vdot = e.vdot[k] + S @ (wdot - own)
         drawn = _drawn(e, s.state, rng)
@@ -236,7 +237,7 @@ def over_w(e: Evidence) -> float | None:
         unit = e.units.power / e.units.w
         size = _floored(np.abs(S).T @ wanted.size / unit) * unit * conditions[k]
         projected = Forces(S.T @ wanted.linear, S.T @ wanted.rest, size)
-        x = np.concatenate([e.x[k], wdot])
+        x = np.concatenate([e.x[k][: speeds.stop], wdot])
         for name in names:
             ours = e.graph(name, s.t, x, s.u, s.p)
             errors.append(worst(_difference(name, ours, projected, motion.pi) / size))

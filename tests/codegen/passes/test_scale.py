@@ -8,6 +8,7 @@ import random
 import re
 import subprocess
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from codegen import compiler, loader
 from codegen.emit import emit
 from codegen.passes import program, split
 from codegen.passes.pipeline import _roots
+from codegen.program import Load, Section, Statement
 from derive.expressions.counting import operations
 from derive.formulations import equations
 from derive.formulations.records import Equations
@@ -128,6 +130,42 @@ def test_parts_share_slots(monkeypatch: pytest.MonkeyPatch) -> None:
         held |= {slot: name for name, slot in part.kept}
 
 
+def test_results_that_repeat_an_argument_are_copied_in_a_loop(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A compiler's time grows faster than a list of thousands of them."""
+    whole = split.split(program(toy()).kernel("dynamics"))
+    monkeypatch.setattr(split, "COPIED", 2)
+    own = program(toy())
+    kernel, texts = own.kernel("dynamics"), emit(own)
+    (part,) = split.split(kernel).parts
+    assert part.copies == (split.Copy(0, "x", 2, 2),)
+    assert [i for i, _ in part.outputs] == [2, 3] and not whole.parts[0].copies
+    loop = "for (int i = 0; i < 2; i++) /* q1, rad to q2, rad */\n        out[i] = x[(2 + i)];"
+    assert loop in texts["toy.c"] and "out[..., 0:2] = x[..., 2:4]" in texts["_numpy.py"]
+    swapped = replace(kernel, outputs=(*reversed(kernel.outputs[:2]), *kernel.outputs[2:]))
+    assert not split.split(swapped).parts[0].copies
+
+
+def test_a_sum_of_very_many_entries_is_cut_by_what_it_loads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It has few statements, which are long."""
+    for limit, value in {"WHOLE": 20, "READ": 20, "LONGEST": 10}.items():
+        monkeypatch.setattr(split, limit, value)
+    names = [f"a{i}" for i in range(30)]
+    sums = tuple(Statement(f"s{k}", ("add", *names[6 * k : 6 * k + 6])) for k in range(5))
+    kernel = replace(
+        program(toy()).kernel("energy"),
+        loads=tuple(Load(name, "x", i) for i, name in enumerate(names)),
+        sections=(Section("sums", sums),),
+        outputs=(("add", *(s.name for s in sums)),),
+    )
+    parts = split.split(kernel).parts
+    assert split.is_long(kernel) and max(len(part.loads) for part in parts) <= 12
+    assert not split.is_long(replace(kernel, loads=kernel.loads[:10]))
+
+
 @needs_compiler
 @pytest.mark.slow
 def test_parts_compute_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,6 +175,7 @@ def test_parts_compute_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     whole = loader.load(published(program(toy()), tmp_path / "whole").folder)
     monkeypatch.setattr(split, "WHOLE", 4)
     monkeypatch.setattr(split, "LONGEST", 4)
+    monkeypatch.setattr(split, "COPIED", 2)
     built = published(program(toy()), tmp_path / "cut")
     cut = loader.load(built.folder)
     assert (

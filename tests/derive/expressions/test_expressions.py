@@ -26,7 +26,7 @@ from derive.expressions.linearity import (
     degree,
 )
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression, quantity
+from derive.expressions.parser import expression, plain_number, quantity
 from derive.expressions.tree import Name, Negative, Number, Power, Product, Quotient, Rate, Sum
 
 NAMES = {"a": 1.7, "b": -0.6, "c": 2.3, "x": 0.4}
@@ -170,6 +170,27 @@ def test_vectors_only_where_they_are_wanted() -> None:
     assert expression("[x, y]", vectors=True) == tree.Vector((x, y))
     with pytest.raises(FormulaError, match="a list inside a formula"):
         expression("[x, y]")
+
+
+@pytest.mark.parametrize(
+    "text", ["0", "-0", "+3", "1.", "-0.25", "1e3", "-2.5E-7", "0.0e9", "123456789.125"]
+)
+def test_plain_numbers_are_read_at_once_as_any_formula(text: str) -> None:
+    """In brackets they take the grammar's way."""
+    plain, formula = plain_number(text), expression(f"({text})")
+    assert plain == formula == expression(text) or plain is None
+    assert isinstance(formula, Number) and math.copysign(1, formula.value) == math.copysign(
+        1, float(text)
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "+", "007", "1e999", "1e-400", "1e61", "1e-61", ".5", "1_0", "٣", "1 2", "0x1", "1e"],
+)
+def test_what_is_no_plain_number_takes_the_grammar(text: str) -> None:
+    """Which says what is wrong with it."""
+    assert plain_number(text) is None
 
 
 def test_ten_thousand_terms() -> None:

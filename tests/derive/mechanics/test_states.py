@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import hamel
 from codegen.passes import program
 from derive.diagnostics import AssumptionError, ModelError
-from derive.enforcement import ENFORCEMENTS, Options, misfit
+from derive.enforcement import ENFORCEMENTS, Options, kept_equations, misfit
 from derive.formulations import equations, misfits
 from derive.formulations.evaluate import evaluator, function_of
 from derive.linearize import linear
@@ -166,12 +167,66 @@ def test_initial_states_follow_parameters_and_settings() -> None:
     assert initial_state(mechanics, {"heat": 2.0}).z.tolist() == [0.1, 2.0]
 
 
-def test_what_does_not_carry_states_says_so() -> None:
+ON_THE_WAY = ("projection", "none", "partitioning", "selective", "tangent")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("formulation", ["quasi_velocities", "augmented"])
+def test_every_enforcement_carries_states(formulation: str) -> None:
+    """All come to the same end, where the states have had their effect, in (q, w) and in (q, v)."""
+    found = equations(system(load_text(TIED)), formulation=formulation, moving=True)
+    start, p = initial_state(found.system), np.array(found.parameters)
+    x = evaluator(found)("state", 0.0, start.whole, np.zeros(1), p)
+    ends: dict[str, np.ndarray] = {}
+    with temporary_module(found, ("dop853",), ON_THE_WAY) as module:
+        for name in ON_THE_WAY:
+            how = {"enforcement": name, "rtol": 1e-11, "atol": 1e-12}
+            motion = module.simulate(np.array([0.0, 0.4]), x, np.array([0.8]), p, **how)
+            ends[name] = motion.x[-1]
+            assert motion.charts > 0 or name in ("projection", "none")
+            assert motion.position_violation < 1e-10
+    assert all(np.abs(end - ends["projection"]).max() < 1e-8 for end in ends.values())
+    assert np.abs(ends["projection"][-2:] - x[-2:]).min() > 5e-3
+
+
+COIL = """
+model: coil
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {l: 0.3 m, k: 0.4 N*m/A, L: 0.2 H}
+bodies: {bob: {mass: 0.5 kg, com: [0, -l]}}
+joints: {hinge: {type: revolute, parent: ground, child: bob, coordinate: q}}
+states: {current: {rate: -k*der(q)/L, initial: 0.5 A, energy: L/2*current^2}}
+loads: {pull: {type: expression, joint: hinge, expression: k*current}}
+initial: {q: 30 deg}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["invariants", "invariants_euclidean"])
+def test_energy_that_states_store_is_held_with_the_rest(name: str) -> None:
+    """Equal steps lose energy; on the invariants none, though it goes to and fro. Where it flows
+    away the enforcement is refused for that."""
+    enforcement = next(x for x in ENFORCEMENTS if x.name == name)
+    found = kept_equations(
+        system(load_text(COIL)), None, "quasi_velocities", enforcement, Options()
+    )
+    x, p = np.array([0.5, 0.0, 0.5]), np.array(found.parameters)
+    lost: dict[str, float] = {}
+    with temporary_module(found, ("rk4",), (name, "none")) as module:
+        for way in (name, "none"):
+            motion = module.simulate(
+                np.array([0, 5.0]), x, None, p, enforcement=way, step_size=0.05
+            )
+            energies = [sum(module.energy(0.0, at, None, p)[:2]) for at in motion.x]
+            lost[way] = abs(energies[1] - energies[0])
+    assert lost[name] < 1e-13 < 1e-6 < lost["none"]
+    flowing = equations(system(load_text(MOTOR)))
+    assert "energy is not conserved" in misfit(enforcement, flowing, Options())
+
+
+def test_charts_do_not_carry_states_and_say_so() -> None:
     found = equations(system(load_text(TIED)))
-    refused = {x.name for x in ENFORCEMENTS if "first-order states" in misfit(x, found, Options())}
-    assert refused == {
-        "partitioning", "selective", "tangent", "invariants", "invariants_euclidean"
-    }  # fmt: skip
     with pytest.raises(AssumptionError, match="charts do not carry first-order states"):
         equations(found.system, "q_dot+s_dot")
 
@@ -198,3 +253,26 @@ def test_a_model_without_states_has_none_anywhere() -> None:
     found = equations(system(load_text(TIED.split("where:")[0] + "initial: {guess: {s: 0.01 m}}")))
     assert not found.z and not program(found).states
     assert found.argument("x").labels == ("s", "q", "q_dot")
+
+
+LAG = """
+model: lag
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {m: 1 kg, T: 0.1 s}
+bodies: {b: {mass: m, com: [0.3 m, 0], inertia: 0.1 kg*m^2}}
+joints: {J: {type: revolute, parent: ground, child: b, coordinate: q}}
+inputs: {cmd: {unit: N*m}}
+states: {tau: {rate: (cmd - tau)/T, unit: N*m}}
+loads: {motor: {type: expression, joint: J, expression: tau}}
+"""
+
+
+def test_standard_parameters_do_not_mind_states(tmp_path):
+    """The regressor takes (q, v, v̇); what states push with is told by no motion."""
+    file = tmp_path / "lag.yaml"
+    file.write_text(LAG)
+    hamel.build(file, out=tmp_path / "lag", functions=("regressor", "regressor_w"))
+    assert len(hamel.base_parameters(file).base) == 3
+    with pytest.raises(AssumptionError, match="first-order states"):
+        hamel.build(file, out=tmp_path / "rest", functions=("regressor_rest",))

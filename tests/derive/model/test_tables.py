@@ -243,3 +243,49 @@ def test_series_refuse_pieces() -> None:
 @pytest.mark.slow
 def test_a_cam_by_a_table_is_verified() -> None:
     assert hamel.verify(GALLERY / "cam.yaml", states=20).passed
+
+
+TOWED = """model: towed
+plane: xy
+tables: {{course: {{points: [[0, 0], [1, 0.01], [2, 0]], units: {units}, smooth: C1}}}}
+bodies: {{box: {{mass: 2 kg}}}}
+joints: {{rail: {{type: prismatic, parent: ground, child: box, axis: x, coordinate: x}}}}
+inputs: {{{input}, push: {{joint: rail}}}}
+{more}
+"""
+
+
+def towed(
+    units: str = "[s, kN]",
+    entry: str = "pull: {joint: rail, gear: 2, table: course}",
+    more: str = "",
+) -> str:
+    return TOWED.format(units=units, input=entry, more=more)
+
+
+def test_an_input_follows_a_table() -> None:
+    """It is the force gear · table(t), a name of formulas, and no argument any more."""
+    system = mechanics_of(load_text(towed(more="outputs: {power: pull*der(x)}")))
+    assert [x.name for x in system.model.inputs] == ["push"]
+    forces = ca.Function("Q", [system.t, system.v, system.u], [system.Q, system.outputs[0][1]])
+    Q, power = forces(0.5, 3.0, 7.0)
+    assert float(Q) == pytest.approx(2 * 6.25 + 7, abs=1e-12)  # between 0 and 10 N by slopes 10, 0
+    assert float(power) == pytest.approx(3 * 6.25, abs=1e-12)
+    model = load_text(towed(entry="pull: {table: course}", more="outputs: {twice: 2*pull}"))
+    twice = mechanics_of(model).outputs[0]
+    assert twice[2] == "N"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (towed(entry="pull: {joint: rail, table: coarse}"), "unknown table 'coarse'"),
+        (towed(units="[m, kN]"), "table 'course' over m for an input"),
+        (towed(units="[s, N*m]"), r"table 'course' of N\*m for an input in N"),
+        (towed(more="steady_motion: {rest: {x: 0, pull: 0 N}}"), "'rest' holds 'pull'"),
+        (towed(entry="pull: {unit: V, table: course}"), "of N for an input in V"),
+    ],
+)
+def test_a_table_that_no_input_can_follow(given: str, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        load_text(given)

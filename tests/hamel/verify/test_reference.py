@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from derive.diagnostics import AssumptionError
-from derive.model import load_text
+from derive.model import load, load_text
 from hamel.verify.checks.compare import slope
 from hamel.verify.reference.joints import joint_motion
 from hamel.verify.reference.loads import applied, body_inertia
@@ -23,6 +23,7 @@ from hamel.verify.reference.outcome import (
 )
 from hamel.verify.reference.rows import joint_blocks
 from hamel.verify.reference.saddle import saddle
+from tests.scenes import MODELS
 from tests.texts import ARM, CAR_AXIS, EVERYTHING, LOOPS, PARALLELOGRAM, SURFACE
 
 SLEIGH = """
@@ -366,6 +367,18 @@ def test_planes_are_the_same_mechanics(plane):
     np.testing.assert_allclose(
         found.qdot[:2], 0.7 * np.array([np.cos(0.9), np.sin(0.9)]), atol=1e-13
     )
+
+
+@pytest.mark.parametrize("text", [SLEIGH, DISK, "free_body"], ids=["planar", "euler", "quaternion"])
+def test_forces_along_rates_are_forces_along_velocities(text):
+    """Nᵀ f by the blocks of N, joint by joint, and its rows, against N as a matrix."""
+    ref = reference(load_text(text) if "model:" in text else load(MODELS / f"{text}.yaml"))
+    draw = np.random.default_rng(7)
+    n, m = len(ref.model.coordinates), len(ref.model.velocities)
+    s, force = state_of(ref, 0.3, draw.normal(size=n), draw.normal(size=m)), draw.normal(size=n)
+    np.testing.assert_allclose(s.along_velocities(force), s.N.T @ force, atol=1e-14)
+    for i in range(n):
+        np.testing.assert_array_equal(s.row(i), s.N[i])
 
 
 def test_nonideal_force_acts_in_the_tangent_space_only():

@@ -58,35 +58,47 @@ def shipped(
     `size` is the largest entry of the result or, where it cancels, of what roundoff leaves there in
     a module of the precision `real`.
 
-    Functions of very large models are left out from where there would be more than `most` numbers.
+    Of a model so large that there would be more than `most` numbers, functions have one state each,
+    and are left out from where not even that is room for.
     Values of a long tree, whose equations are not written out, are those that the reference finds
     balanced in its `module`.
     """
     if module is not None and is_long(equations, module):
         return _of_long(equations, module, seed, states, most, real)
     seen = evidence(reference(equations.system.model), equations, None, states, seed)
-    results: dict[str, Any] = {}
-    numbers = 0
-    for suffix, chart in _charts(seen):
-        for name in chart.graph.functions:
-            rows = _rows(chart, name, real) if name + suffix in emitted else {}
-            numbers += _size(rows)
-            if rows and numbers <= most:
-                results[name + suffix] = rows
-    return results
+    results = {
+        name + suffix: _rows(chart, name, real)
+        for suffix, chart in _charts(seen)
+        for name in chart.graph.functions
+        if name + suffix in emitted
+    }
+    return _fitting(results, most)
 
 
 def _of_long(
     equations: Equations, module: ModuleType, seed: int, states: int, most: int, real: Real
 ) -> dict[str, Any]:
     results: dict[str, Any] = {}
-    numbers = 0
     for name, kept in shipped_rows(equations, module, seed, states):
-        numbers += sum(1 + np.size(value) + sum(map(np.size, row)) for row, value in kept)
-        if kept and numbers <= most:
+        if kept:
             places, values = zip(*kept)
             results[name] = _columns(places, values, _sizes(equations, name, places, values, real))
-    return results
+    return _fitting(results, most)
+
+
+def _fitting(results: Mapping[str, dict[str, Any]], most: int) -> dict[str, Any]:
+    """All rows, or where they are too many numbers the first of each function while there is
+    room."""
+    there = {name: rows for name, rows in results.items() if rows}
+    if sum(map(_size, there.values())) <= most:
+        return there
+    room, kept = most, {}
+    for name, rows in there.items():
+        first = {key: column[:1] for key, column in rows.items()}
+        if _size(first) <= room:
+            kept[name] = first
+            room -= _size(first)
+    return kept
 
 
 def _charts(seen: Evidence) -> Iterator[tuple[str, Evidence]]:

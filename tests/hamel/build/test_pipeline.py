@@ -79,7 +79,7 @@ def test_options_tell_builds_apart() -> None:
     other = {
         "choice": "a", "constants": "all", "functions": ("dynamics",), "formulation": "maggi",
         "integrators": ("rk4",), "numpy": True, "tune": True, "header": True, "fix": {"g": 1.0},
-        "real": "float32", "states": 3, "targets": ("casadi",),
+        "real": "float32", "states": 3, "targets": ("casadi",), "roll": "never",
     }  # fmt: skip
     assert set(other) == {option.name for option in fields(BuildOptions)}
     for name, value in other.items():

@@ -121,6 +121,15 @@ def test_sizes_are_those_of_the_results(built):
         assert largest > 1.0
 
 
+def test_where_room_is_short_every_function_keeps_a_state(equations):
+    all_rows = shipped(equations, ("dynamics", "energy"), 0, 3)
+    assert [len(rows["t"]) for rows in all_rows.values()] == [3, 3]
+    short = shipped(equations, ("dynamics", "energy"), 0, 3, most=250)
+    assert [len(rows["t"]) for rows in short.values()] == [1, 1]
+    assert short["energy"]["expected"][0] == all_rows["energy"]["expected"][0]
+    assert list(shipped(equations, ("dynamics", "energy"), 0, 3, most=100)) == ["energy"]
+
+
 def spoiled(file: Path) -> None:
     """A constant in the middle of the recursion of `dynamics` is a millionth too large."""
     text = file.read_text("utf-8")

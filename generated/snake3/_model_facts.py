@@ -111,7 +111,7 @@ class Facts:
     turning: tuple[int, ...] = ()  # coordinates in which nothing on the way sees a whole turn
     turn: tuple[float, float] = (0.0, 0.0)  # 2π: the nearest number, and what is left
     # by enforcement, what else than the choice may be singular where a motion stops
-    stops: Mapping[str, str] = field(default_factory=dict)
+    stops: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @property
     def size(self) -> int:

@@ -344,8 +344,8 @@ DERIVED_AGAIN = {
         "        case JointSpring():",
         """        case Magnet():
             s = state.q[[c.name for c in model.coordinates].index(load.coordinate)]
-            direction = _conjugate(model, state, load.velocity)
-            return _along(place, -state.value(load.strength) * s**3 * direction)
+            where, direction = _conjugate(model, state, load.velocity)
+            return _only(other=(where, -state.value(load.strength) * s**3 * direction))
 """,
     ),
 }

@@ -336,7 +336,7 @@ def identify(model: str, data: str | None, base: bool, excite: str | None, **opt
         unused = [name for name in ("check", "out", "page") if options[name] is not None]
         if unused:
             raise click.UsageError(f"--{unused[0]} is not for --free")
-        names, how = free.split(","), {x: options[x] for x in ("choice", "cutoff")}
+        names, how = name_list(free), {x: options[x] for x in ("choice", "cutoff")}
         return hamel.free_parameters(model, data, names, segments=segments, **how)
     return hamel.identify(model, data, **options)
 

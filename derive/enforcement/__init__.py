@@ -31,11 +31,6 @@ ENFORCEMENTS: tuple[Enforcement, ...] = (
 )
 
 
-def misfit(enforcement: Enforcement, found: Equations, options: Options) -> str:
-    """Why an enforcement does not fit some equations, "" where it does."""
-    return enforcement.refusal(found, options)
-
-
 def kept_equations(
     system: System, choice: str | None, formulation: str, enforcement: Enforcement, options: Options
 ) -> Equations:
@@ -43,7 +38,7 @@ def kept_equations(
     β (Baumgarte), the result another q̇ (feedback) or further functions (invariants). Every chart
     gets the same. Raises AssumptionError where the enforcement does not fit them."""
     result = equations(enforcement.system(system, options), choice, formulation, moving=True)
-    reason = misfit(enforcement, result, options)
+    reason = enforcement.refusal(result, options)
     if reason:
         raise AssumptionError(
             f"{system.model.name}, {formulation}: enforcement '{enforcement.name}' does not "
@@ -53,4 +48,4 @@ def kept_equations(
     return replace(enforcement.equations(result, options), charts=charts)
 
 
-__all__ = ["ENFORCEMENTS", "Enforcement", "Options", "kept_equations", "misfit", "usual_rate"]
+__all__ = ["ENFORCEMENTS", "Enforcement", "Options", "kept_equations", "usual_rate"]

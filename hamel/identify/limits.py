@@ -31,10 +31,12 @@ LEAST = 20  # rows
 
 # shooting
 TOLERANCE = 1e-11  # of the motions: differences of them have to be smooth
-DIFFERENCE = (
-    1e-5  # of a scale, that a start or parameter is moved by: half of the digits that count
-)
+DIFFERENCE = 1e-5  # of a scale, that a start or parameter is moved by: half of the digits there are
+MOVES = 1e-6  # SI: the spread from which on an entry of the state is its own scale
+FIRST_NOISE = 0.01  # of the spread of what is measured
 CONTINUOUS = 1e4  # standard deviations of noise that a gap of one spread of the state counts as
 EVALUATIONS = 100  # of all segments
 PASSES = 2  # the second with the noise that the first left
 TOLD = 1e-9  # of the largest singular value: what the motion tells nothing of
+SMALLEST_STEP = 1e-12  # of all unknowns in their scales: the search ends
+PART = 0.1  # of a direction that nothing is told of: a parameter in it is named

@@ -23,8 +23,12 @@ from hamel.identify.limits import (
     CONTINUOUS,
     DIFFERENCE,
     EVALUATIONS,
+    FIRST_NOISE,
     LEAST_WEIGHT,
+    MOVES,
+    PART,
     PASSES,
+    SMALLEST_STEP,
     TOLD,
     TOLERANCE,
 )
@@ -114,7 +118,7 @@ def shot(
     a file that measures nothing, AssumptionError where the motion does not tell them."""
     problem = _problem(equations, module, recorded, free, segments)
     measured = np.column_stack([recorded.columns[name] for name in problem.names])
-    noise = 0.01 * np.maximum(np.std(measured, axis=0), LEAST_WEIGHT)
+    noise = FIRST_NOISE * np.maximum(np.std(measured, axis=0), LEAST_WEIGHT)
     theta, jacobian = _first(problem), np.empty((0, 0))
     for _ in range(PASSES):  # the second time by the noise that there is
         theta, jacobian = _solved(problem, measured, noise, theta)
@@ -159,7 +163,7 @@ def _problem(
     numbers = tuple(module.parameters.index(name) for name in free)
     scale_p = np.where(p[list(numbers)] == 0.0, 1.0, np.abs(p[list(numbers)]))
     spread = np.std(recorded.x, axis=0)
-    scale_x = np.where(spread > 1e-6, spread, 1.0)
+    scale_x = np.where(spread > MOVES, spread, 1.0)
     return _Problem(equations, module, recorded, p, numbers, at, names, scale_p, scale_x)
 
 
@@ -182,7 +186,7 @@ def _solved(problem: _Problem, y: Array, noise: Array, theta: Array) -> tuple[Ar
         return _slopes(problem, noise, at)
 
     derivatives: Any = slopes  # a function may stand there, too
-    found = least_squares(residuals, theta, derivatives, max_nfev=EVALUATIONS, xtol=1e-12)
+    found = least_squares(residuals, theta, derivatives, max_nfev=EVALUATIONS, xtol=SMALLEST_STEP)
     return found.x, np.asarray(found.jac)
 
 
@@ -205,8 +209,16 @@ def _slopes(problem: _Problem, noise: Array, theta: Array) -> Array:
     ends = x[:, -1].reshape(segments, many, -1) / problem.scale_x
     dy = (seen[:, 1:] - seen[:, :1]) / DIFFERENCE / noise
     dx = (ends[:, 1:] - ends[:, :1]) / DIFFERENCE
-    columns, quantities = count + segments * nx, len(problem.names)
-    own = np.zeros((segments, rows, quantities, columns))
+    return _assembled(dy, dx, count)
+
+
+def _assembled(dy: Array, dx: Array, count: int) -> Array:
+    """Slopes of all residuals from those of each segment by the `count` parameters and by its own
+    start: dy (segments, count + nx, rows, quantities) of what is seen, dx (segments, count + nx,
+    nx) of its end."""
+    (segments, _, rows, measured), nx = dy.shape, dx.shape[-1]
+    columns = count + segments * nx
+    own = np.zeros((segments, rows, measured, columns))
     gaps = np.zeros((segments, nx, columns))
     for s in range(segments):
         first = count + s * nx
@@ -229,7 +241,7 @@ def _told(problem: _Problem, theta: Array, jacobian: Array, noise: Array) -> Sho
     _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
     weak = np.flatnonzero(singular < TOLD * singular[0])
     for k in range(count):
-        if sizes[k] == 0.0 or np.abs(directions[weak, k]).max(initial=0.0) > 0.1:
+        if sizes[k] == 0.0 or np.abs(directions[weak, k]).max(initial=0.0) > PART:
             name = problem.module.parameters[problem.free[k]]
             raise AssumptionError(f"the motion does not tell '{name}'", "another motion, or fewer")
     inverse = directions.T / np.where(singular > TOLD * singular[0], singular, np.inf)

@@ -13,7 +13,7 @@ import numpy as np
 from codegen.integrators import INTEGRATORS, Integrator, integrator_of
 from codegen.reals import FLOAT64, Real
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
-from derive.enforcement import ENFORCEMENTS, Enforcement, Options, misfit
+from derive.enforcement import ENFORCEMENTS, Enforcement, Options
 from derive.formulations.charts import together
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
@@ -101,7 +101,7 @@ def _usual_enforcement(method: Method, plain: Equations) -> Enforcement:
         enforcement
         for enforcement in ENFORCEMENTS
         if not (in_equations and enforcement.level in ("steps", "stages"))
-        and not misfit(enforcement, plain, Options())
+        and not enforcement.refusal(plain, Options())
     )
 
 

@@ -18,7 +18,6 @@ from derive.enforcement import (
     Enforcement,
     Options,
     kept_equations,
-    misfit,
     usual_rate,
 )
 from derive.formulations import equations
@@ -83,7 +82,7 @@ def module(
     plain = plain_equations(begin, unit)
     alpha = _rate(begin, plain, span) if unit["own"] else None
     options = Options(alpha, (), tuple(begin.u), tuple(begin.p))
-    refused = {each.name: misfit(each, plain, options) for each in _candidates(unit)}
+    refused = {each.name: each.refusal(plain, options) for each in _candidates(unit)}
     fitting = [each for each in _candidates(unit) if not refused[each.name]]
     if not fitting:
         raise AssumptionError("; ".join(refused.values()))

@@ -414,11 +414,8 @@ class Evidence:
             any_other = (
                 s.outcome.vdot + self.units.vdot * rng.normal(size=len(s.v)) for s in self.samples
             )
-            with_states = name == "inverse_dynamics"
-            return tuple(
-                np.concatenate([s.whole if with_states else np.concatenate([s.q, s.v]), vdot])
-                for s, vdot in zip(self.samples, any_other)
-            )
+            states = self.arguments_of("state" if name == "inverse_dynamics" else "qdot")
+            return tuple(np.concatenate(pair) for pair in zip(states, any_other))
         if name == "difference":
             others = (*self.samples[1:], *self.samples[:1])
             return tuple(np.concatenate([s.q, other.q]) for s, other in zip(self.samples, others))

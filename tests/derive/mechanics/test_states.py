@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 import hamel
 from codegen.passes import program
 from derive.diagnostics import AssumptionError, ModelError
-from derive.enforcement import ENFORCEMENTS, Options, kept_equations, misfit
+from derive.enforcement import ENFORCEMENTS, Options, kept_equations
 from derive.formulations import equations, misfits
 from derive.formulations.evaluate import evaluator, function_of
 from derive.linearize import linear
@@ -222,7 +222,7 @@ def test_energy_that_states_store_is_held_with_the_rest(name: str) -> None:
             lost[way] = abs(energies[1] - energies[0])
     assert lost[name] < 1e-13 < 1e-6 < lost["none"]
     flowing = equations(system(load_text(MOTOR)))
-    assert "energy is not conserved" in misfit(enforcement, flowing, Options())
+    assert "energy is not conserved" in enforcement.refusal(flowing, Options())
 
 
 def test_charts_do_not_carry_states_and_say_so() -> None:

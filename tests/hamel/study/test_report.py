@@ -176,6 +176,15 @@ def test_nothing_is_computed_twice(
         next(series.outcomes(workers, [[series.Task(abs, {}, 1.0)]]))
 
 
+def test_a_file_that_was_edited_is_read_anew(tmp_path: Path) -> None:
+    file = tmp_path / "swing.yaml"
+    for value in (2.0, 3.0):
+        file.write_text(MODEL.replace("m: 1 kg", f"m: {value} kg"), encoding="utf-8")
+        start = modules.start_now(str(file), {})
+        assert value in start.p
+        assert modules.start(str(file), {}) is start  # which the runs of this study take
+
+
 def test_a_wrong_reference_is_noticed(
     record: Reported, place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,7 +14,9 @@ import shlex
 import subprocess
 import sys
 from concurrent.futures import BrokenExecutor, Future
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -30,11 +32,11 @@ from derive.diagnostics import (
 )
 from hamel.engines import Engine
 from hamel.records import Swept
-from hamel.sweep import artefact, chunk, drive, work
+from hamel.sweep import artefact, chunk, drive, page, work
 from hamel.sweep.axes import Sampling, design
 from hamel.sweep.folder import Folder
 from hamel.sweep.plan import Asked, planned
-from hamel.sweep.summary import merged, of_json, summary
+from hamel.sweep.summary import Summary, merged, of_json, summary
 
 ROD = """
 model: rod
@@ -377,3 +379,11 @@ def test_bytes_do_not_depend_on_the_engine(name: str, record: Swept, place: Path
     pytest.importorskip("distributed")
     hamel.sweep(place / "rod.yaml", out=place / name, scheduler=name, workers=2, **ASKED)
     assert files(place / name) == files(place / "here")
+
+
+def test_values_that_differ_by_rounding_have_no_histogram():
+    column = SimpleNamespace(name="q", unit="rad")
+    apart = Summary(2, 1.0, 0.0, ((1.0, 0),), ((1.1, 1),), {0: 2})
+    close = replace(apart, highest=((1.0 + 4e-16, 1),))
+    assert "<svg" in page._distribution(column, apart)
+    assert page._distribution(column, close) == ""

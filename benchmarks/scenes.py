@@ -28,6 +28,7 @@ from peers.batched import Timed
 from peers.casadi_c import Read
 from peers.contest import BUILD, ROWS, Contender, Unavailable
 from peers.robot import robot
+from regressors import Regressor
 from robots import Peer, robots
 from targets import (
     AUGMENTED,
@@ -43,6 +44,7 @@ from targets import (
     MASS,
     PINOCCHIO,
     PYDY,
+    REGRESSOR,
     SCALAR,
     THROUGH_CASADI,
 )
@@ -325,6 +327,7 @@ def panda() -> Iterator[Scene]:
     yield _inverse(tree)
     yield _mass(tree)
     yield _hand(tree, "panda_hand")
+    yield _regressor(tree)
     yield from _slopes(tree)
     for name, measure in {
         "one Python call": python_call.one_at_a_time,
@@ -343,6 +346,13 @@ def _hand(tree: Tree, name: str) -> Scene:
     hand = Hand(tree.of, tree.text, name, frame.parentJoint, placement, tree.columns, tree.q)
     peers: dict[str, Made] = {PINOCCHIO: hand.theirs}
     return Scene(FRAMES, tree.name, hand.own, peers, ours.operations(tree.of, hand.function))
+
+
+def _regressor(tree: Tree) -> Scene:
+    wanted = np.random.default_rng(2).normal(size=tree.v.shape)
+    of = Regressor(tree.of, tree.text, tree.columns, np.hstack([tree.q, tree.v, wanted]))
+    peers: dict[str, Made] = {PINOCCHIO: of.theirs}
+    return Scene(REGRESSOR, tree.name, of.own, peers, ours.operations(tree.of, REGRESSOR))
 
 
 def _slopes(tree: Tree) -> Iterator[Scene]:

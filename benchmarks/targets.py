@@ -15,7 +15,7 @@ class Target:
 
 SCALAR, BATCH, INVERSE, MASS = "dynamics", "dynamics batch", "inverse_dynamics", "mass"
 DERIVATIVES, DERIVATIVES_BATCH, CONTRACTION = "derivatives", "derivatives batch", "contraction"
-FRAMES = "pose and Jacobian"
+FRAMES, REGRESSOR = "pose and Jacobian", "regressor"
 AUGMENTED, PYDY, PINOCCHIO, THROUGH_CASADI = (
     "augmented, CasADi SX",
     "SymPy Kane → PyDy C + LU",
@@ -51,6 +51,7 @@ TARGETS = (
     Target(INVERSE, "panda", THROUGH_CASADI, 0.75),
     Target(MASS, "panda", THROUGH_CASADI, 0.75),
     Target(FRAMES, "panda", PINOCCHIO, 0.2),
+    Target(REGRESSOR, "panda", PINOCCHIO, 0.2),
     Target(DERIVATIVES, "panda", PINOCCHIO, 0.14),
     Target(DERIVATIVES_BATCH, "panda", PINOCCHIO, 0.05),
     Target(DERIVATIVES, "humanoid", PINOCCHIO, 0.3),

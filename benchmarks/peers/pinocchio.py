@@ -123,6 +123,15 @@ def frames(argument: str, inputs: np.ndarray, size: int) -> Contender:
     return Contender("Pinocchio C++", library, inputs, size, argument)
 
 
+def regressor(tree: Path, inputs: np.ndarray, size: int, read: Read) -> Contender:
+    """Y by `computeJointTorqueRegressor`."""
+    _check_headers()
+    library = compiled(
+        "pinocchio_regressor", {HERE / "pinocchio_regressor.cpp": ["-O3", *NATIVE, *FLAGS]}
+    )
+    return Contender("Pinocchio C++", library, inputs, size, str(tree.resolve()), read)
+
+
 def loops_library() -> Path:
     """Those for closed loops."""
     _check_headers()

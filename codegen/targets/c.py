@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 from codegen import text
@@ -19,6 +20,11 @@ from codegen.targets.records import Target
 from codegen.targets.rolled import Text, c_text
 
 FEW = 24  # values that are added up one by one to see that all are finite
+# results from which on each is stored as soon as it is known, as the parts of a long function do:
+# registers do not hold them to the end
+MANY = 200
+FOUR = 4  # neighbouring results that are set to zero at once
+APART = 16  # places; results further from each other are looked at in two calls
 FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512bw", "avx512vl")
 
 
@@ -44,6 +50,7 @@ class Body:
     stray: str  # zero when nothing is infinite or NaN
     residual: str
     turns: bool  # are there sines and cosines?
+    zeros: bool = False  # are results set to zero by fours?
     constants: int = 0  # length of c, where it takes precomputed constants
     rolled: Text | None = None  # loops in the place of pieces
     finite: tuple[tuple[str, str, int], ...] = ()  # arrays that are looked at: name, array, length
@@ -87,12 +94,12 @@ def files(program: Program) -> dict[str, str]:
     stepped = [
         _body(program, kernel, _MANY) for kernel in side_by_side(program) if not is_batched(kernel)
     ]
-    short = [body for body in bodies if len(body.pieces) == 1]
+    short = [body for body in bodies if len(body.pieces) == 1 and not _is_apart(body)]
     data |= {"previous": PREVIOUS, "base": BASE}
     long = {
         f"{program.name}_{body.kernel.name}.c": text.render("long.c.j2", bodies=[body], **data)
         for body in bodies
-        if len(body.pieces) > 1
+        if _is_apart(body)
     }
     long |= {
         f"{program.name}_{body.kernel.name}.c": text.render("loops.c.j2", bodies=[body], **data)
@@ -126,6 +133,11 @@ def files(program: Program) -> dict[str, str]:
         ),
         **long,
     }
+
+
+def _is_apart(body: Body) -> bool:
+    """Whether it has a file of its own, which is compiled as long functions are."""
+    return len(body.pieces) > 1 or (len(body.pieces) == 1 and body.size >= MANY)
 
 
 def _compared(bodies: Sequence[Body]) -> set[str]:
@@ -176,11 +188,13 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
     if kernel.rolled:
         return _loops(program, kernel, kernel.rolled, style)
     parts = split(kernel)
-    lines = _near if len(parts.parts) > 1 and style is _ONE else _far
+    many = len(parts.parts) > 1 or kernel.size >= MANY
+    lines = _near if many and style is _ONE else _far
+    pieces = tuple(_piece(program, kernel, part, style, lines) for part in parts.parts)
     return Body(
         kernel=kernel,
         size=kernel.size,
-        pieces=tuple(_piece(program, kernel, part, style, lines) for part in parts.parts),
+        pieces=pieces,
         workspace=parts.size,
         stray=_stray(program, kernel, style),
         residual=_value(kernel.loop.residual, style) if kernel.loop else "",
@@ -190,6 +204,7 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
             for section in part.sections
             for s in section.statements
         ),
+        zeros=any("_zeros(" in line for piece in pieces for line in piece.lines),
     )
 
 
@@ -252,12 +267,31 @@ def _near(program: Program, kernel: Kernel, part: Part, style: _Style) -> Iterat
         yield from (line, *stores.pop(name, ()))
     for lines in stores.values():
         yield from lines
-    yield from (
-        _output(kernel, i, style)
-        for i, value in part.outputs
-        if not isinstance(value, str) and _stands(kernel, value)
-    )
+    constants = [(i, value) for i, value in part.outputs if not isinstance(value, str)]
+    yield from _constant(program, kernel, constants, style)
     yield from _copied(kernel, part.copies, style)
+
+
+def _constant(
+    program: Program, kernel: Kernel, outputs: Sequence[tuple[int, Expression]], style: _Style
+) -> Iterator[str]:
+    """Results that are no locals; zeros by fours."""
+    zeros = [i for i, value in outputs if value == 0.0 and not kernel.solving]
+    stretches = _stretches(zeros, 1)
+    fours = [first + k for first, n in stretches for k in range(0, n - FOUR + 1, FOUR)]
+    yield from (f"{program.name}_zeros(out + {first});" for first in fours)
+    cleared = {first + k for first in fours for k in range(FOUR)}
+    for i, value in outputs:
+        if i not in cleared and _stands(kernel, value):
+            yield _output(kernel, i, style)
+
+
+def _stretches(places: Sequence[int], apart: int) -> list[tuple[int, int]]:
+    """Sorted places as stretches, first and length, of which neighbours are further than `apart`
+    from each other."""
+    ends = [k for k in range(1, len(places)) if places[k] - places[k - 1] > apart]
+    bounds = [0, *ends, len(places)] if places else [0]
+    return [(places[a], places[b - 1] + 1 - places[a]) for a, b in pairwise(bounds)]
 
 
 def _copied(kernel: Kernel, copies: Sequence[Copy], style: _Style) -> Iterator[str]:
@@ -421,7 +455,11 @@ def _stray(program: Program, kernel: Kernel, style: _Style) -> str:
         "0.0 * t" if name == "t" else f"{program.name}_stray({name}, {sizes[name]})"
         for name in slots
     ]
-    return " + ".join([*calls, f"{program.name}_stray(out, {kernel.size})"])
+    calls += [
+        f"{program.name}_stray({f'out + {first}' if first else 'out'}, {count})"
+        for first, count in _stretches(kernel.results, APART)
+    ]
+    return " + ".join(calls) or "0.0"
 
 
 def _added(terms: Sequence[str]) -> str:

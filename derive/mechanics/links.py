@@ -121,7 +121,7 @@ def _link(
     motion = tuple(
         _turned_twist(matrix(to_link), column) for column in part.kind.motion(part.q, part.axis)
     )
-    motion = tuple([_exact(x) for x in column] for column in motion)
+    motion = tuple([exact(x) for x in column] for column in motion)
     slide = part.kind.translation(part.q, part.axis)
     a = sum_of(start, rotated(matrix(on_carrier), slide))
     return Link(
@@ -151,10 +151,10 @@ def _is_oblique(part: Part, on_child: Rotation) -> bool:
     """Whether the axis of a joint with one axis lies along no axis of the child's frame."""
     if not part.kind.needs_axis:
         return False
-    return sum(not is_zero(_exact(x)) for x in rotated(matrix(on_child), part.axis)) > 1
+    return sum(not is_zero(exact(x)) for x in rotated(matrix(on_child), part.axis)) > 1
 
 
-def _exact(x: Scalar) -> Scalar:
+def exact(x: Scalar) -> Scalar:
     """Rounding errors of a constant direction taken away, so that structural zeros are seen."""
     if not isinstance(x, float):
         return x
@@ -317,7 +317,7 @@ def regrouped(links: Sequence[Link]) -> tuple[Inertia, ...]:
         # negative masses are no mistake here: only what the joint feels is left
         result[i] = summed(result[i], _negative(moved(common, (), link.b)))
         if link.parent >= 0:
-            seen = moved(common, _at_zero(link.rotation), _start(link))
+            seen = moved(common, at_zero(link.rotation), _start(link))
             result[link.parent] = summed(result[link.parent], seen)
     return tuple(result)
 
@@ -343,7 +343,8 @@ def _negative(i: Inertia) -> Inertia:
     return Inertia(-i.mass, [-x for x in i.moment], [[-x for x in row] for row in i.tensor])
 
 
-def _at_zero(rotation: Rotation) -> Rotation:
+def at_zero(rotation: Rotation) -> Rotation:
+    """With all angles zero."""
     return tuple(f if isinstance(f, Still) else Turn(f.axis, 0.0) for f in rotation)
 
 

@@ -1,14 +1,7 @@
 """Inverse dynamics, linear in its parameters: τ = Y(q, v, v̇) π + what no parameter has.
 
-π are the standard inertial parameters of each rigid group of bodies, then the friction and rotors
-that the file has. Of a group whose origin has the acceleration a (gravity taken off) in its frame,
-with U = [ω̇]× + [ω]× [ω]×,
-
-    f = m a + U mc,   n = mc × a + L(ω̇) I + [ω]× L(ω) I
-
-and the column of a generalized velocity that moves it with (ω_s, v_s) is v_s · f + ω_s · n. The
-twist of each velocity is carried down to the group, where the parameters are constant: that takes
-fewer operations than to carry ten wrenches up. (Atkeson, An, Hollerbach 1986; Khalil & Dombre.)
+π are the standard inertial parameters of each rigid group of bodies (inertial_rows.py has their
+columns), then the friction and rotors that the file has.
 """
 
 from __future__ import annotations
@@ -19,32 +12,18 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from derive.diagnostics import AssumptionError
-from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.expressions.scalars import Scalar
 from derive.expressions.tree import Expression
-from derive.joints.rotations import (
-    cross,
-    difference,
-    dot,
-    inverse,
-    matrix,
-    minus,
-    product,
-    rotated,
-    sum_of,
-    transpose,
-)
 from derive.mechanics.accelerations import accelerations
-from derive.mechanics.links import carried, moved
-from derive.mechanics.records import Inertia, Link, Place, System
+from derive.mechanics.inertial_rows import in_body, inertial_rows, ten_of
+from derive.mechanics.records import Inertia, Place, System
 from derive.mechanics.system import ideal_system
-from derive.mechanics.tree import path
 from derive.model.load_records import Armature, JointDamper, JointFriction
 from derive.model.records import Load
 
 # in Pinocchio's order: mass, first moment, tensor about the body's origin by columns of its upper
 # triangle
 INERTIAL = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 UNITS = ("kg", *("kg*m",) * 3, *("kg*m^2",) * 6)
 # of the ten those that a planar motion can feel, by its plane
 PLANAR = {"xy": (0, 1, 2, 9), "xz": (0, 1, 3, 6), "yz": (0, 2, 3, 4)}
@@ -129,7 +108,7 @@ def parameter_values(system: System) -> ca.SX:
     places = PLANAR.get(system.model.plane, range(10))
     values: list[Scalar] = []
     for group in groups(system):
-        ten = ten_of(_in_body(system.links[group.place.link].inertia, group.place))
+        ten = ten_of(in_body(system.links[group.place.link].inertia, group.place))
         values += [ten[k] for k in places]
     for load in system.model.loads:
         values += [_value(system, load, key) for key in _keys(system, load)]
@@ -157,32 +136,16 @@ def _value(system: System, load: Load, key: str) -> Scalar:
     return system.symbols.scalar(formula)
 
 
-def _in_body(own: Inertia, place: Place) -> Inertia:
-    """Of a link, seen from the body that carries it: their origins are one."""
-    return moved(own, inverse(place.rotation), [0.0, 0.0, 0.0]) if place.rotation else own
-
-
-def ten_of(own: Inertia) -> Vector:
-    """m, mc, tensor in the order of INERTIAL."""
-    return [own.mass, *own.moment, *(own.tensor[i][j] for i, j in ENTRIES)]
-
-
-def inertia_of(ten: Vector) -> Inertia:
-    """The inverse of `ten_of`."""
-    xx, xy, yy, xz, yz, zz = ten[4:]
-    return Inertia(ten[0], list(ten[1:4]), [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
 def regressor(system: System, vdot: ca.SX) -> ca.SX:
     """Y (nv × np, sparse) at v̇."""
     places = PLANAR.get(system.model.plane, range(10))
     v = [system.v[j] for j in range(system.v.numel())]
     rates = [vdot[j] for j in range(vdot.numel())]
     motions = accelerations(system.links, v, rates, system.gravity)
-    columns: list[ca.SX] = []
-    for group in groups(system):
-        felt = _felt(system, group, motions[group.place.link])
-        columns += [_column(len(v), {j: row[k] for j, row in felt.items()}) for k in places]
+    felt = inertial_rows(system.links, [group.place for group in groups(system)], motions)
+    columns = [
+        _column(len(v), {j: row[k] for j, row in rows.items()}) for rows in felt for k in places
+    ]
     columns += [c for load in system.model.loads for c in _of_load(system, load, vdot)]
     return ca.horzcat(*columns) if columns else ca.SX(len(v), 0)
 
@@ -193,60 +156,6 @@ def _column(size: int, entries: dict[int, Scalar]) -> ca.SX:
         if not (isinstance(x, float) and x == 0.0):
             result[j] = x
     return ca.sparsify(result)
-
-
-def _felt(
-    system: System, group: Group, motion: tuple[Vector, Vector, Vector, Matrix]
-) -> dict[int, Vector]:
-    """What each generalized velocity feels of the ten parameters: its row of ten."""
-    back = transpose(matrix(group.place.rotation))
-    omega, alpha, a = (rotated(back, x) for x in motion[:3])
-    U = _turned(back, motion[3]) if group.place.rotation else motion[3]
-    moments = _moments(omega, alpha, U)
-    result: dict[int, Vector] = {}
-    for j, (turn, slide) in _twists(system.links, group.place.link):
-        result[j] = _row(rotated(back, turn), rotated(back, slide), a, U, moments)
-    return result
-
-
-def _turned(R: Matrix, U: Matrix) -> Matrix:
-    return product(product(R, U), transpose(R))
-
-
-def _row(turn: Vector, slide: Vector, a: Vector, U: Matrix, moments: Matrix) -> Vector:
-    first = sum_of(rotated(transpose(U), slide), cross(a, turn))
-    return [dot(slide, a), *first, *(dot(turn, column) for column in moments)]
-
-
-def _moments(omega: Vector, alpha: Vector, U: Matrix) -> Matrix:
-    """The moment I ω̇ + ω × I ω of a unit of each of the six entries of I, read off U."""
-    x, y, z = omega
-    xy, xz, yz = dot([x], [y]), dot([x], [z]), dot([y], [z])
-    return [
-        [alpha[0], xz, minus(0.0, xy)],
-        [minus(0.0, U[2][0]), U[2][1], minus(U[0][0], U[1][1])],
-        [minus(0.0, yz), alpha[1], xy],
-        [U[1][0], minus(U[2][2], U[0][0]), minus(0.0, U[1][2])],
-        [minus(U[1][1], U[2][2]), minus(0.0, U[0][1]), U[0][2]],
-        [yz, minus(0.0, xz), alpha[2]],
-    ]
-
-
-def _twists(links: tuple[Link, ...], last: int) -> Iterator[tuple[int, tuple[Vector, Vector]]]:
-    """(ω, v) at the last link's origin, in its frame, per unit of each generalized velocity that
-    moves it."""
-    chain = path(links, last)
-    for depth, i in enumerate(chain):
-        for column, j in zip(links[i].motion, links[i].columns):
-            twist = _at_origin(links[i], (column[:3], column[3:]))
-            for k in chain[depth + 1 :]:
-                twist = _at_origin(links[k], carried(twist, links[k].R, links[k].a))
-            yield j, twist
-
-
-def _at_origin(link: Link, twist: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-    """From the joint point to the origin of the link."""
-    return twist[0], difference(twist[1], cross(twist[0], link.b))
 
 
 def _of_load(system: System, load: Load, vdot: ca.SX) -> Iterator[ca.SX]:

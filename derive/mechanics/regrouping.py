@@ -14,15 +14,14 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from derive.expressions.scalars import Scalar
+from derive.mechanics.inertial_rows import inertia_of, ten_of
 from derive.mechanics.links import NOTHING, moved, regrouped
 from derive.mechanics.records import Inertia, Link, System
 from derive.mechanics.regressor import (
     INERTIAL,
     Group,
     groups,
-    inertia_of,
     parameters,
-    ten_of,
 )
 
 

@@ -1,7 +1,7 @@
 """make robots: every URDF of the PyPI package example-robot-data, imported and compared with
 Pinocchio.
 
-Mass matrix, bias, forward dynamics, derivatives and frames at random states, relative to the largest entry. Each robot
+Mass matrix, bias, forward dynamics, derivatives, frames and regressors at random states, relative to the largest entry. Each robot
 with its root link fixed and with a free root. Where joints mimic others, Pinocchio's tree is
 projected on the independent joints here.
 """
@@ -22,6 +22,8 @@ from xml.etree import ElementTree
 
 import casadi as ca
 import numpy as np
+from robot_regressors import NAMES, regressors
+from robot_regressors import TOLERANCE as LINEAR
 from robot_slopes import slopes
 
 from codegen.passes import program
@@ -101,13 +103,17 @@ def _compare(robot: RobotFile, report: Report) -> None:
     }
     with _timed(report, "slopes"):
         beside = slopes(derived, peer, found.joints, ours["S"])
-    rng = np.random.default_rng(1)
+    with _timed(report, "regressors"):
+        linear = regressors(derived, peer, file, robot.floating)
+    rng, drawn = np.random.default_rng(1), np.random.default_rng(2)
     for k in range(STATES):
         x, u, s = _check_state(peer, ours, derived, rng, report)
         if k < SLOPES:
             beside.check(peer, s, x, u, partial(_note, report))
-    worst = max(report.errors, key=lambda name: report.errors[name])
-    if not report.errors[worst] <= TOLERANCE:
+        linear.check(peer, s, drawn, partial(_note, report))
+    allowed = {name: LINEAR if name in NAMES else TOLERANCE for name in report.errors}
+    worst = max(report.errors, key=lambda name: report.errors[name] / allowed[name])
+    if not report.errors[worst] <= allowed[worst]:
         report.verdict, report.reason = "wrong", f"{worst} differs by {report.errors[worst]:.1e}"
 
 

@@ -3,6 +3,7 @@ names."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
@@ -192,8 +193,10 @@ def velocity_of(
     if len(given) != 1:
         return None
     way, scalar = given[0]
-    return {"joint": _of_joint, "coordinate": _of_coordinate, "velocity": _of_name}[way](
-        reader, scalar, velocities
+    if way == "velocity":
+        return _of_name(reader, scalar, velocities)
+    return {"joint": _of_joint, "coordinate": _of_coordinate}[way](
+        reader, scalar, velocities, allowed
     )
 
 
@@ -233,16 +236,17 @@ def _tables(same: _Same) -> _Tables:
     return _Tables(owned, rates, names)
 
 
-def _of_joint(reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]) -> Velocity | None:
+def _of_joint(
+    reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...], allowed: list[str]
+) -> Velocity | None:
     owned = _tables(_Same(velocities)).owned.get(scalar.text, [])
     if len(owned) == 1:
         return owned[0]
     if owned:
-        names = listed(velocity.name for velocity in owned)
         reader.report(
             scalar.span,
             f"the joint '{scalar.text}' has {len(owned)} velocities",
-            f"velocity: one of {names}",
+            _instead(owned, allowed),
         )
         return None
     reader.word(
@@ -253,18 +257,27 @@ def _of_joint(reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]) 
     return None
 
 
+def _instead(velocities: Sequence[Velocity], allowed: list[str]) -> str:
+    """How to name one of several velocities with the keys that the entry has."""
+    rates = [velocity.rate_of for velocity in velocities if velocity.rate_of]
+    if "velocity" in allowed:
+        return f"velocity: one of {listed(velocity.name for velocity in velocities)}"
+    if rates and "coordinate" in allowed:
+        return f"coordinate: one of {listed(rates)}"
+    return "a joint with one velocity, which is the rate of its coordinate"
+
+
 def _of_coordinate(
-    reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...]
+    reader: Reader, scalar: Scalar, velocities: tuple[Velocity, ...], allowed: list[str]
 ) -> Velocity | None:
     rate = _tables(_Same(velocities)).rates.get(scalar.text)
     if rate is not None:
         return rate
     if scalar.text in reader.scope.coordinates():
-        names = listed(velocity.name for velocity in velocities)
         reader.report(
             scalar.span,
             f"der({scalar.text}) is not a generalized velocity of its joint",
-            f"velocity: one of {names}",
+            _instead(velocities, allowed),
         )
         return None
     reader.word(scalar, reader.scope.coordinates(), "coordinate")

@@ -734,7 +734,23 @@ ERRORS = [
         "spring_of_ball",
         joint("type: ball, spring: {stiffness: 1}", "«A"),
         "the joint 'A' has 3 velocities",
-        "A.wx",
+        "a joint with one velocity",
+        "",
+    ),
+    (  # its keys are joint and coordinate: no velocity is offered
+        "spring_of_universal",
+        joint("type: universal, axis: x, axis2: y, coordinates: [roll, nod]")
+        + "loads: {s: {type: spring, joint: «A, stiffness: 1}}\n",
+        "the joint 'A' has 2 velocities",
+        "coordinate: one of roll, nod",
+        "",
+    ),
+    (
+        "damper_of_universal",
+        joint("type: universal, axis: x, axis2: y, coordinates: [roll, nod]")
+        + "loads: {s: {type: damper, joint: «A, coefficient: 1}}\n",
+        "the joint 'A' has 2 velocities",
+        "velocity: one of der(roll), der(nod)",
         "",
     ),
     (

@@ -9,7 +9,7 @@ ROBOTS := build/robots/venv
 TRIALS := build/trials
 BENCH  := build/bench/venv
 TARGETS_VENV := build/targets/venv
-PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka
+PEERS  := pin cmeel-eigen example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka
 
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
@@ -132,7 +132,6 @@ trials:
 
 $(BENCH)/.ready: pyproject.toml
 	@echo "installing hamel and its peers ($(PEERS)) into $(BENCH)"
-	@test -d /usr/include/eigen3 || echo "Eigen's headers are missing, so Pinocchio and SymForce are left out: apt install libeigen3-dev"
 	@$(PYTHON) -m venv --clear $(BENCH)
 	@$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable . $(PEERS)
 	@touch $@

@@ -24,6 +24,7 @@ from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS
 
 EXACT = 1e-14  # |A v − c| against 1 + |v| that needs no correction
 ROUGHLY = 1e-6  # the same, of a step that another one follows
+BLOCK = 64  # states that CasADi is given at a time
 SOLVED = 1e-13  # relative residual up to which the normal equations have solved A x = b
 
 
@@ -57,6 +58,7 @@ class Starter:
     units: Mapping[str, float]  # one of each in SI
     parameters: np.ndarray  # one of each of p in SI
     formulas: ca.Function  # (t, p) → the values of `initial`, in SI
+    varied: bool  # whether these depend on p
     positions: ca.Function | None  # (t, q, p) → φ, ∂φ/∂q; None where there is no φ
     rows: ca.Function  # (t, q, p) → A, c
     rates: ca.Function | None  # (t, q, p) → N; None where it is one
@@ -97,7 +99,8 @@ class Starter:
     def _given(self, p: np.ndarray) -> dict[str, np.ndarray]:
         if not self.initial:
             return {}
-        values = self.formulas(np.full((1, len(p)), self.t), p.T).full()
+        motions = p if self.varied else p[:1]  # numbers are the same for all
+        values = self.formulas(np.full((1, len(motions)), self.t), motions.T).full()
         return {name: row / self.one_of(name) for name, row in zip(self.initial, values)}
 
     def _positions(
@@ -205,6 +208,7 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
     place = [s.t, s.q, s.own_p]
     unmoved = s.N.is_square() and bool((s.N - ca.SX.eye(s.N.size1())).is_zero())
     slopes = ca.jacobian(s.phi, s.q)
+    formulas = _formulas(system)
     return Starter(
         names=tuple(names),
         coordinates=tuple(c.name for c in model.coordinates),
@@ -216,10 +220,13 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
         own_t=own.t,
         units=own.units,
         parameters=own.parameters[: len(system.own_parameters)],
-        formulas=_formulas(system),
-        positions=ca.Function("phi", place, [s.phi, slopes]) if s.phi.numel() else None,
-        rows=ca.Function("rows", place, [s.A, s.c]),
-        rates=None if unmoved else ca.Function("rates", place, [s.N]),
+        formulas=formulas,
+        varied=formulas.jac_sparsity(0, 1).nnz() > 0,
+        positions=ca.Function("phi", place, [ca.densify(s.phi), ca.densify(slopes)])
+        if s.phi.numel()
+        else None,
+        rows=ca.Function("rows", place, [ca.densify(s.A), ca.densify(s.c)]),
+        rates=None if unmoved else ca.Function("rates", place, [ca.densify(s.N)]),
         states=states,
         charges=_charges(system) if states else None,
     )
@@ -243,12 +250,33 @@ def _formulas(system: System) -> ca.Function:
 def matrices(
     function: ca.Function, t: np.ndarray, q: np.ndarray, p: np.ndarray
 ) -> list[np.ndarray]:
-    """The results of a function at k states, k × rows × columns each."""
-    k = len(t)
-    values = function.call([t.reshape(1, k), q.T, p.T])
-    return [
-        x.full().reshape(x.size1(), k, x.size2() // max(k, 1)).transpose(1, 0, 2) for x in values
-    ]
+    """The dense results of a function at k states, k × rows × columns each.
+
+    BLOCK states at a time and without CasADi's matrices in between, whose making takes longer than
+    the numbers: a column of theirs is a row of ours in memory.
+    """
+    count = len(t)
+    several = function.map(BLOCK)
+    buffer, evaluate = several.buffer()
+    given = [_whole_blocks(x) for x in (t.reshape(count, 1), q, p)]
+    shapes = [(function.size2_out(i), function.size1_out(i)) for i in range(function.n_out())]
+    results = [np.zeros((len(given[0]), *shape)) for shape in shapes]
+    for first in range(0, len(given[0]), BLOCK):
+        block = slice(first, first + BLOCK)
+        for i, x in enumerate(given):
+            buffer.set_arg(i, x[block].data)
+        for i, x in enumerate(results):
+            buffer.set_res(i, x[block].data)
+        evaluate()
+    return [x[:count].transpose(0, 2, 1) for x in results]
+
+
+def _whole_blocks(rows: np.ndarray) -> np.ndarray:
+    """The rows, and zeros until BLOCK divides their number."""
+    count = len(rows)
+    whole = np.zeros((count + -count % BLOCK, rows.shape[1]))
+    whole[:count] = rows
+    return whole
 
 
 def closed_many(

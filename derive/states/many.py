@@ -137,7 +137,7 @@ class Starter:
         zero, k = np.zeros(len(p)), len(p)
         guesses = [np.broadcast_to(given.get(name, zero), k) for name in self.velocities]
         guess = np.stack(guesses, axis=1)
-        A, c = matrices(self.rows, t, q, p)
+        A, c = Matrices(self.rows)(t, q, p)
         c = c[:, :, 0]
         rows, values = self._held_rows(t, given, q, p)
         both = np.concatenate([A, rows], axis=1)
@@ -166,7 +166,7 @@ class Starter:
         names = [name for name in given if name in self.held and name in {*rates, *velocities}]
         by_rates = np.broadcast_to(np.eye(nv), (k, nv, nv))
         if self.rates is not None and any(name in rates for name in names):
-            by_rates = matrices(self.rates, t, q, p)[0]
+            by_rates = Matrices(self.rates)(t, q, p)[0]
         rows = np.zeros((k, len(names), nv))
         for i, name in enumerate(names):
             if name in rates:
@@ -177,7 +177,7 @@ class Starter:
         return rows, np.stack(values, axis=1) if names else np.zeros((k, 0))
 
     def _rates(self, t: np.ndarray, q: np.ndarray, v: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return v if self.rates is None else _applied(matrices(self.rates, t, q, p)[0], v)
+        return v if self.rates is None else _applied(Matrices(self.rates)(t, q, p)[0], v)
 
     def _moved(
         self,
@@ -247,28 +247,30 @@ def _formulas(system: System) -> ca.Function:
     return ca.Function("initial", [system.t, system.own_p], [ca.densify(column)])
 
 
-def matrices(
-    function: ca.Function, t: np.ndarray, q: np.ndarray, p: np.ndarray
-) -> list[np.ndarray]:
-    """The dense results of a function at k states, k × rows × columns each.
+class Matrices:
+    """A function of (t, q, p) with dense results, at many states.
 
     BLOCK states at a time and without CasADi's matrices in between, whose making takes longer than
     the numbers: a column of theirs is a row of ours in memory.
     """
-    count = len(t)
-    several = function.map(BLOCK)
-    buffer, evaluate = several.buffer()
-    given = [_whole_blocks(x) for x in (t.reshape(count, 1), q, p)]
-    shapes = [(function.size2_out(i), function.size1_out(i)) for i in range(function.n_out())]
-    results = [np.zeros((len(given[0]), *shape)) for shape in shapes]
-    for first in range(0, len(given[0]), BLOCK):
-        block = slice(first, first + BLOCK)
-        for i, x in enumerate(given):
-            buffer.set_arg(i, x[block].data)
-        for i, x in enumerate(results):
-            buffer.set_res(i, x[block].data)
-        evaluate()
-    return [x[:count].transpose(0, 2, 1) for x in results]
+
+    def __init__(self, function: ca.Function) -> None:
+        self.buffer, self.evaluate = function.map(BLOCK).buffer()
+        places = range(function.n_out())
+        self.shapes = [(function.size2_out(i), function.size1_out(i)) for i in places]
+
+    def __call__(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
+        """The results at k states, k × rows × columns each."""
+        given = [_whole_blocks(x) for x in (t.reshape(len(t), 1), q, p)]
+        results = [np.zeros((len(given[0]), *shape)) for shape in self.shapes]
+        for first in range(0, len(given[0]), BLOCK):
+            block = slice(first, first + BLOCK)
+            for i, x in enumerate(given):
+                self.buffer.set_arg(i, x[block].data)
+            for i, x in enumerate(results):
+                self.buffer.set_res(i, x[block].data)
+            self.evaluate()
+        return [x[: len(t)].transpose(0, 2, 1) for x in results]
 
 
 def _whole_blocks(rows: np.ndarray) -> np.ndarray:
@@ -286,8 +288,9 @@ def closed_many(
     which have come there."""
     q, done = start.copy(), np.zeros(len(start), dtype=bool)
     alive = np.arange(len(start))
+    matrices = Matrices(positions)
     for _ in range(NEWTON):
-        phi, J = matrices(positions, t[alive], q[alive], p[alive])
+        phi, J = matrices(t[alive], q[alive], p[alive])
         phi = phi[:, :, 0]
         finite = np.isfinite(phi).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
         scale = 1.0 + np.max(np.abs(q[alive]), axis=1, initial=0.0)

@@ -9,12 +9,12 @@ ROBOTS := build/robots/venv
 TRIALS := build/trials
 BENCH  := build/bench/venv
 TARGETS_VENV := build/targets/venv
-PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka
+PEERS  := pin cmeel-eigen example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka
 
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report reference gallery docs links book pages targets target-speed embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
+.PHONY: demo report reference gallery docs links book pages targets target-speed embedded test test-slow lint types robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -44,8 +44,11 @@ test-slow: $(VENV)/.test
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
 	$(BIN)/lint-imports
+
+# Types, strict in derive and codegen: two minutes of one core, so continuous integration runs them beside `make test`.
+types: $(VENV)/.test
+	$(BIN)/pyright
 
 # Import every robot of example-robot-data (431 MB, in an environment of its own) and compare with Pinocchio and MuJoCo.
 robots: $(ROBOTS)/.ready
@@ -132,7 +135,6 @@ trials:
 
 $(BENCH)/.ready: pyproject.toml
 	@echo "installing hamel and its peers ($(PEERS)) into $(BENCH)"
-	@test -d /usr/include/eigen3 || echo "Eigen's headers are missing, so Pinocchio and SymForce are left out: apt install libeigen3-dev"
 	@$(PYTHON) -m venv --clear $(BENCH)
 	@$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable . $(PEERS)
 	@touch $@

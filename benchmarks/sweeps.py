@@ -107,14 +107,15 @@ def main() -> None:
     asked = arguments.parse_args()
     warnings.simplefilter("ignore")
     found: dict[str, Any] = {"cores": CORES}
-    long, short = plan(4096, 512, 5.0), plan(512, 8, 1e-3)
+    long, short, more_short = plan(4096, 1024, 5.0), plan(512, 8, 1e-3), plan(4096, 8, 1e-3)
     with engine("here", CORES) as here:
         kernel, sweep = least(asked.rounds, bare(long), lambda: swept(long, here))
         found["motions_per_second_bare"] = 4096 / kernel
         found["here_of_bare"] = kernel / sweep
         found["chunk_seconds"] = sweep * CORES / long.chunks
-        one = least(asked.rounds, lambda: swept(short, here))[0]
-        found["chunk_overhead_ms"] = 1e3 * one / short.chunks
+        few, many = least(asked.rounds, lambda: swept(short, here), lambda: swept(more_short, here))
+        found["chunk_overhead_ms"] = 1e3 * (many - few) / (more_short.chunks - short.chunks)
+        found["start_seconds"] = few - short.chunks * found["chunk_overhead_ms"] / 1e3
         found["bytes_a_motion"] = _bytes(long, here)
         found["job_bytes"] = len(payload(long.jobs[0])[1])
     if asked.dask:

@@ -55,4 +55,4 @@ def test_each_is_drawn_built_and_verified(
     figure = importlib.import_module("gallery").drawn(path, tmp_path)
     assert figure.read_text("utf-8") == (FIGURES / figure.name).read_text("utf-8")
     built = hamel.build(path, out=tmp_path / path.stem)
-    assert built.passed
+    assert built.verified and built.compiled

@@ -9,6 +9,12 @@ LONG = {
         *("tracked_chain", "delta_robot", "stewart", "forty_four_bars", "balancing_robot"),
         *("ballbot", "quadrotor", "wishbones", "scissor", "governor", "ball_on_plate"),
     ),
+    "test_each_figure_is_that_of_its_model": (
+        *("tracked_chain", "delta_robot", "stewart", "forty_four_bars", "balancing_robot"),
+        *("ballbot", "quadrotor", "scissor", "cable", "ball_in_bowl", "wheel_on_road", "trailer"),
+        *("crane", "trebuchet", "rocket", "hoist", "bungee", "braking", "muscle", "hydraulic"),
+        *("dropped", "dc_motor", "cam", "rolling_resistance"),
+    ),
     "test_the_gallery_agrees_with_the_reference": (
         *("tracked_chain", "delta_robot", "stewart", "balancing_robot", "ballbot", "quadrotor"),
         *("wishbones", "scissor", "governor"),

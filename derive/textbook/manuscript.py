@@ -280,7 +280,8 @@ class Manuscript:
         self.printed.append(Printed(name, latex, tuple(left), entries, value))
 
     def formula(self, expression: Expression | float, about: str) -> Math:
-        """A formula of the model inside a table; it too is evaluated by the test."""
+        """A formula of the model inside a table; it too is evaluated by the test, but where it
+        uses reactions, which are no part of the state."""
         symbols = self.system.symbols
         number = isinstance(expression, float | int)
         value = ca.SX(expression if number else symbols.scalar(expression))
@@ -289,7 +290,8 @@ class Manuscript:
         entries = self.reader.whole(value)
         if entries is None:
             return Math(r"\ldots")
-        self._record(about, "", (None,), [entries], value)
+        if not ca.depends_on(value, self.notation.reactions):
+            self._record(about, "", (None,), [entries], value)
         shown = rounded(entries[0])
         self.rounded = self.rounded or shown != entries[0]
         return Math(self.typesetter.latex(shown))

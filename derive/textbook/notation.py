@@ -15,6 +15,7 @@ from derive.textbook import names
 from derive.textbook.convert import Gravity, Reader
 from derive.textbook.terms import Terms
 
+REACTION = "reaction."  # before the name of a row
 LEAST_DIGITS = 4  # of "9.81": a rounder magnitude could be any number
 
 
@@ -47,8 +48,18 @@ class Notation:
         self.u = [self._declared(x.name) for x in model.inputs]
         self.t = self._symbol("t", "t")
         self.g = self._gravity()
+        self.reactions, self.multipliers = self._reactions()
         for x in extra:
             self._call(x.symbol, self._untaken(x.latex))
+
+    def _reactions(self) -> tuple[ca.SX, list[sympy.Symbol]]:
+        """Multipliers of the ideal problem, which loads may use: λ with the name of the row."""
+        known = self.terms.system.symbols
+        rows = [x.removeprefix(REACTION) for x in known.names if x.startswith(REACTION)]
+        symbols = [
+            self._symbol(f"{REACTION}{row}", rf"\lambda_{{{names.upright(row)}}}") for row in rows
+        ]
+        return known.reactions(rows), symbols
 
     def _gravity(self) -> Gravity | None:
         """The letter g for the file's number, unless the file has a g of its own."""
@@ -128,8 +139,8 @@ class Notation:
         columns = [s.t, s.q, s.v, *([self.terms.w] if tied else []), s.u, s.p]
         symbols = [self.t, *self.q, *self.v, *(self.w if tied else []), *self.u, *self.p]
         return Reader(
-            ca.vertcat(*columns, *[x.sx for x in self.extra]),
-            [*symbols, *[x.symbol for x in self.extra]],
+            ca.vertcat(*columns, self.reactions, *[x.sx for x in self.extra]),
+            [*symbols, *self.multipliers, *[x.symbol for x in self.extra]],
             bool(s.constants) and not self.p,
             self.g,
         )

@@ -484,3 +484,33 @@ def test_rows_that_say_nothing_have_no_multipliers_to_recover():
         "constraints: {e: {type: point_on_surface, body: c, surface: x + 2*y, of: ground}}\n"
     )
     assert "No constraint row restricts the motion" in html(equations(system(load_text(text))))
+
+
+WHEEL = """
+model: wheel
+plane: xz
+gravity: [0, -9.81 m/s^2]
+bodies: {wheel: {mass: 5 kg, inertia: 0.2}}
+joints: {base: {type: planar, parent: ground, child: wheel, coordinates: [x, z, turn]}}
+constraints:
+  contact: {type: rolling, body: wheel, shape: {wheel: {radius: 0.3 m}}, plane: {normal: z}}
+initial: {guess: {z: 0.3 m}}
+"""
+USING = {
+    "torque": "body: wheel, components: -0.003 m*reaction.contact.normal*tanh(der(turn)/(1 rad/s))",
+    "force": "body: wheel, at: [0, 0], components: [-0.1*reaction.contact.normal, 0]",
+    "wrench": "frame: wheel, force: [-0.1*reaction.contact.normal, 0]",
+    "expression": "velocity: base.vx, expression: -0.1*reaction.contact.normal",
+    "damper": "velocity: base.w, coefficient: (0.1 m*s)*abs(reaction.contact.normal)",
+    "friction": "velocity: base.w, coulomb: (0.1 m)*abs(reaction.contact.normal), smoothing: 1",
+    "tension": (
+        "between: [ground, wheel], at: [[5, 0], [0, 0]], tension: 0.1*abs(reaction.contact.normal)"
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", USING)
+def test_loads_that_use_reactions_show_the_multiplier(kind):
+    text = f"{WHEEL}loads: {{f: {{type: {kind}, {USING[kind]}}}}}\n"
+    shown = article(derivation(equations(system(load_text(text)))))
+    assert r"\lambda_{\mathrm{contact.normal}}" in shown

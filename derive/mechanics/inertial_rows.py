@@ -138,8 +138,8 @@ def _unfelt(link: Link, place: Place) -> tuple[dict[int, tuple[Inertia, int | No
     z = link.turns_about
     if z < 0:
         slides = len(link.columns) == 1 and all(is_zero(x) for x in link.motion[0][:3])
-        tensors = {k: (_unit(k), None) for k in range(4, 10)}
-        return (tensors if slides else {}), ORIGIN
+        kept = range(4, 10) if slides else ()
+        return {k: (_unit(k), None) for k in kept}, ORIGIN
     if place.rotation or not all(is_zero(x) for x in link.b):
         return {}, ORIGIN
     first, last = (DIAGONAL[(z + k) % 3] for k in (1, 2))

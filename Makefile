@@ -9,7 +9,7 @@ ROBOTS := build/robots/venv
 TRIALS := build/trials
 BENCH  := build/bench/venv
 TARGETS_VENV := build/targets/venv
-PEERS  := pin cmeel-eigen example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka
+PEERS  := pin cmeel-eigen example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka diffrax
 
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
@@ -103,10 +103,12 @@ gallery: $(VENV)/.run-time
 report-page: $(VENV)/.test
 	$(BIN)/python benchmarks/report_page.py
 
-# Whole simulations to an error of 1e-8 at the end, beside a plain C loop, CasADi's, CVODES, IDAS, SciPy and Exudyn: ten minutes.
+# Whole simulations to an error of 1e-8 at the end, beside a plain C loop, CasADi's, CVODES, IDAS, SciPy and Exudyn; one motion to
+# three errors beside heyoka; and thousands at a time beside heyoka, diffrax, SciPy and MuJoCo: half an hour.
 whole: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/whole.py
 	$(BENCH)/bin/python benchmarks/trajectories.py
+	$(BENCH)/bin/python benchmarks/ensembles.py
 
 # A sweep on a dask scheduler of this machine whose workers and scheduler are killed, compared byte by byte with an undisturbed
 # one; writes build/cluster.json.

@@ -137,7 +137,7 @@ class Place:
         module, u, span = self.module, self.site.u, self.site.scene.span
         makers: list[Callable[[], Ensemble]] = [
             lambda: ensembles.vmapped(self.folder, module, u, span),
-            lambda: ensembles.one_by_one(module, u, span),
+            lambda: ensembles.one_by_one(self.folder, u, span),
         ]
         if links := self.site.scene.links:
             makers.append(lambda: ensembles.rolled_out(links, span))

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+import hamel
 from peers import pure_jax
 from peers.contest import Unavailable
 from peers.series import System, heyoka
@@ -109,26 +110,55 @@ def vmapped(folder: Path, module: ModuleType, u: np.ndarray, span: float) -> Ens
     return Ensemble("diffrax, Dopri8, vmap", run)
 
 
-def one_by_one(module: ModuleType, u: np.ndarray, span: float) -> Ensemble:
-    """SciPy's DOP853 over our compiled `dynamics`."""
-    from scipy.integrate import solve_ivp
+@dataclass(frozen=True)
+class OneByOne:
+    """SciPy's DOP853 over the compiled `dynamics` of the module in `folder`; it can be sent to
+    another process."""
 
-    out, p = np.empty(module.nx), module.defaults
+    folder: Path
+    u: np.ndarray
+    span: float
 
-    def rates(t: float, x: np.ndarray) -> np.ndarray:
-        return module.dynamics(t, x, u, p, out=out).copy()
+    def __call__(self, setting: float, x: np.ndarray) -> tuple[float, np.ndarray]:
+        from scipy.integrate import solve_ivp
 
-    def run(setting: float, x: np.ndarray) -> tuple[float, np.ndarray]:
-        tolerance = 10.0**setting
+        module, tolerance = hamel.load(self.folder), 10.0**setting
+        out, p = np.empty(module.nx), module.defaults
+
+        def rates(t: float, x: np.ndarray) -> np.ndarray:
+            return module.dynamics(t, x, self.u, p, out=out).copy()
+
         how = {"method": "DOP853", "rtol": max(tolerance, 2.3e-14), "atol": tolerance}
         begin = time.perf_counter()
-        ends = [solve_ivp(rates, (0.0, span), start, **how).y[:, -1] for start in x]
+        ends = [solve_ivp(rates, (0.0, self.span), start, **how).y[:, -1] for start in x]
         return time.perf_counter() - begin, np.array(ends)
 
-    return Ensemble("SciPy DOP853, compiled right-hand side", run)
+
+def one_by_one(folder: Path, u: np.ndarray, span: float) -> Ensemble:
+    return Ensemble(
+        "SciPy DOP853, compiled right-hand side", OneByOne(folder, u, span), TOLERANCES[::2]
+    )
 
 
-def rolled_out(links: int, span: float) -> Ensemble:
+def by_processes(peer: Ensemble, processes: int) -> Ensemble:
+    """The same with joblib, on so many processes."""
+    try:
+        from joblib import Parallel, delayed
+    except ImportError as error:
+        raise Unavailable(f"joblib: {error}") from error
+    pool = Parallel(n_jobs=processes)
+
+    def run(setting: float, x: np.ndarray) -> tuple[float, np.ndarray]:
+        parts = np.array_split(x, processes)
+        pool(delayed(peer.run)(setting, part[:1]) for part in parts)  # they import what they need
+        begin = time.perf_counter()
+        ends = pool(delayed(peer.run)(setting, part) for part in parts)
+        return time.perf_counter() - begin, np.concatenate([end for _, end in ends])
+
+    return Ensemble(f"joblib, {peer.peer}", run, peer.settings)
+
+
+def rolled_out(links: int, span: float, threads: int = 1) -> Ensemble:
     """MuJoCo's rollout of the pendulum chain by its fourth-order method, in equal steps."""
     try:
         import mujoco
@@ -141,7 +171,8 @@ def rolled_out(links: int, span: float) -> Ensemble:
     def run(setting: float, x: np.ndarray) -> tuple[float, np.ndarray]:
         steps = round(span / setting)
         model.opt.timestep = span / steps
-        data, state = mujoco.MjData(model), np.hstack([np.zeros((len(x), 1)), x])
+        data = [mujoco.MjData(model) for _ in range(threads)]
+        state = np.hstack([np.zeros((len(x), 1)), x])
         begin = time.perf_counter()
         rows = rollout.rollout(model, data, state, nstep=steps)[0]
         return time.perf_counter() - begin, rows[:, -1, 1:]

@@ -1,7 +1,7 @@
 """How near a sweep comes to the bare lane kernel, what a chunk costs besides, and how many tasks a
 dask scheduler hands out: build/sweeps.json. Everything is measured side by side, the least of several.
 
-    python benchmarks/sweeps.py [--dask]
+    python benchmarks/sweeps.py [--dask [--plot FILE]] [--peers]
 """
 
 from __future__ import annotations
@@ -13,11 +13,17 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import ensembles
 import numpy as np
+from peers.contest import BUILD
+from peers.ensembles import by_processes, one_by_one, rolled_out
 
+from hamel.draw import Series, chart
 from hamel.engines import Engine, engine
 from hamel.simulate.compiled import Rows
 from hamel.simulate.method import Method
@@ -30,6 +36,7 @@ from hamel.sweep.plan import Asked, Plan, planned
 
 ROOT = Path(__file__).resolve().parent.parent
 CORES = os.cpu_count() or 1
+CHUNKS = (16, 64, 256, 1024, 4096)  # motions
 METHOD = Method("quasi_velocities", None, None, "dop853", None, 1e-9, None)
 
 
@@ -85,6 +92,48 @@ def least(times: int, *calls: Callable[[], float]) -> list[float]:
     return [min(column) for column in zip(*rounds)]
 
 
+def beside_peers(by: Engine) -> dict[str, float]:
+    """Motions per second of a sweep over those of others on as many cores: two pendulums for 5 s,
+    each to an error of 1e-8 at its end."""
+    place = ensembles.Place(ensembles.SCENES[0])
+    span, most = place.site.scene.span, ensembles.PYTHON
+    mine = ensembles.fastest([ensembles.tuned(each, place) for each in place.ours()], most)
+    assert mine is not None
+    integrator, rtol = mine.ensemble.peer.partition(",")[0], 10.0**mine.setting
+    method = replace(METHOD, integrator=integrator, rtol=rtol)
+    vary = {f"q{i}": f"uniform({x - 0.02}, {x + 0.02})" for i, x in enumerate(place.site.x[:2])}
+    sampling = Sampling(ensembles.MANY, "random", 0)
+    asked = Asked(vary, (), ["state"], sampling, method, Rows(span), chunk=1024)
+    of = planned(BUILD / "whole" / "chain2.yaml", asked)
+    own = min(swept(of, by) for _ in range(3)) / ensembles.MANY
+    alone = one_by_one(place.folder, place.site.u, span)
+    ratios: dict[str, float] = {}
+    for peer in (by_processes(alone, CORES), rolled_out(2, span, CORES)):
+        best = ensembles.tuned(peer, place, 8 * CORES)[most]
+        ratios[peer.peer] = best.seconds / own
+    return ratios
+
+
+def shares(engines: dict[str, Engine], rounds: int) -> dict[str, list[tuple[int, float]]]:
+    """Of the throughput of the bare kernel on all cores, by motions a chunk, for each engine."""
+    plans = {chunk: plan(CHUNKS[-1] * CORES, chunk, 5.0) for chunk in CHUNKS}
+    kernel = bare(plans[CHUNKS[-1]])
+    found: dict[str, list[tuple[int, float]]] = {name: [] for name in engines}
+    for chunk, of in plans.items():
+        calls = [partial(swept, of, by) for by in engines.values()]
+        bare_seconds, *seconds = least(rounds, kernel, *calls)
+        for name, each in zip(engines, seconds):
+            found[name].append((chunk, bare_seconds / each))
+    return found
+
+
+def plot(found: dict[str, list[tuple[int, float]]]) -> str:
+    """The shares over motions a chunk."""
+    lines = [Series(name, points) for name, points in found.items()]
+    title = "Throughput of a sweep over that of the bare kernel, on all cores"
+    return chart(title, "motions a chunk", "share", lines, log=(True, False))
+
+
 def nothing(number: int) -> int:
     """A task without work."""
     return number
@@ -104,6 +153,8 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--dask", action="store_true", help="also dask with a worker a core")
     arguments.add_argument("--rounds", type=int, default=3)
+    arguments.add_argument("--plot", type=Path, help="shares over motions a chunk, as SVG")
+    arguments.add_argument("--peers", action="store_true", help="also joblib and MuJoCo")
     asked = arguments.parse_args()
     warnings.simplefilter("ignore")
     found: dict[str, Any] = {"cores": CORES}
@@ -124,6 +175,12 @@ def main() -> None:
             there, sweep = least(asked.rounds, lambda: swept(long, dask), lambda: swept(long, here))
             found["dask_of_here"] = sweep / there
             found["dask_tasks_per_second"] = tasks_per_second(dask)
+            found["shares"] = shares({"threads": here, "dask": dask}, asked.rounds)
+        if asked.plot:
+            asked.plot.write_text(plot(found["shares"]), encoding="utf-8")
+    if asked.peers:
+        with engine("here", CORES) as here:
+            found["times_as_many_motions"] = beside_peers(here)
     (ROOT / "build" / "sweeps.json").write_text(json.dumps(found, indent=1) + "\n")
     print(json.dumps(found, indent=1))
 

@@ -249,3 +249,26 @@ def test_energy_is_not_held_where_inputs_do_work():
         hamel.simulate(
             snake, enforcement="invariants", time=0.5, values={"base.vx": 0.3, "tau1": 0.01}
         )
+
+
+TRUSS = """model: truss
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies:
+  a: {mass: 1 kg, com: [0.5 m, 0], inertia: 0.1 kg*m^2}
+  b: {mass: 1 kg, com: [0.5 m, 0], inertia: 0.1 kg*m^2}
+joints:
+  A: {type: revolute, parent: ground, child: a, coordinate: q1}
+  B: {type: revolute, parent: ground, child: b, at: [1 m, 0], coordinate: q2}
+closures:
+  C: {type: revolute, between: [a, b], at: [[1 m, 0], [1 m, 0]]}
+initial: {guess: {q1: 60 deg, q2: 120 deg}}
+"""
+
+
+def test_the_rounding_of_a_structure_at_rest_is_no_energy_that_came_from_nowhere(tmp_path):
+    path = tmp_path / "truss.yaml"
+    path.write_text(TRUSS, encoding="utf-8")
+    record = hamel.simulate(path, time=1.0)
+    assert record.final["q1"] == pytest.approx(math.pi / 3)
+    assert record.energy_balance == 0.0

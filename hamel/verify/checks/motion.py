@@ -17,7 +17,9 @@ import numpy as np
 
 from codegen.integrators import integrator_of
 from codegen.reals import FLOAT64
+from derive.expressions.tree import Expression, Name, walk
 from derive.model.kinks import switches
+from derive.model.records import Model
 from derive.states.closing import normalised
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import sizes, worst
@@ -292,11 +294,22 @@ def _carried(
 def _piece(e: Evidence, s: Sample, t: float, y: Array) -> tuple[float, ...]:
     """In which of its pieces every formula is: no order and no extrapolation holds across, and the
     midpoint rule does not look at the end of its step."""
-    pieces = switches(e.reference.model)
+    pieces = sides(e.reference.model)
     if not pieces:
         return ()
     state = state_at(e, s, t, y)
     return tuple(float(np.sign(state.value(side))) for side in pieces)
+
+
+def sides(model: Model) -> tuple[Expression, ...]:
+    """What changes its sign where a formula goes on to another piece, of all that a state tells. A
+    reaction is none of that: where abs() of one turns, halving the steps hardly helps, and that is
+    seen."""
+    return tuple(x for x in switches(model) if not any(map(_is_reaction, walk(x))))
+
+
+def _is_reaction(node: Expression) -> bool:
+    return isinstance(node, Name) and node.name.startswith("reaction.")
 
 
 def _step(e: Evidence, s: Sample, t: float, y: Array, h: float) -> tuple[Array, Array]:

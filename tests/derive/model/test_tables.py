@@ -25,6 +25,7 @@ from derive.model.kinks import pieces, switches
 from hamel.build.stages import mechanics_of
 from hamel.simulate.kinks import check_kinks
 from hamel.simulate.method import Method
+from hamel.verify.checks.motion import sides
 from hamel.verify.reference.outcome import evaluate, reference, state_of
 from hamel.verify.reference.tables import numeric, symbolic
 
@@ -289,3 +290,17 @@ def test_an_input_follows_a_table() -> None:
 def test_a_table_that_no_input_can_follow(given: str, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         load_text(given)
+
+
+def test_a_reaction_is_no_side_that_a_state_tells():
+    """abs(reaction.NAME) is what friction is written with; other pieces are still looked at."""
+    text = (
+        "model: m\nplane: xy\nbodies: {c: {mass: 1 kg}}\n"
+        "joints: {C: {type: point, parent: ground, child: c, coordinates: [x, y]}}\n"
+        "constraints:\n"
+        "  road: {holonomic: y, nonideal: {x: -0.1*abs(reaction.road)*tanh(der(x)/(1 cm/s))}}\n"
+        "loads: {stop: {type: expression, coordinate: x, expression: (-4 N/m)*ramp(x - 1 m)}}\n"
+    )
+    model = load_text(text)
+    assert len(switches(model)) == 2
+    assert len(sides(model)) == 1

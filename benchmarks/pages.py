@@ -91,7 +91,7 @@ async function measured(page, width) {
 
 def main(names: Sequence[str]) -> int:
     """Writes and measures the pages of these models, of all where none is named."""
-    browser = next((path for path in map(shutil.which, BROWSERS) if path), None)
+    browser = browser_of()
     if browser is None:
         print(f"none of {', '.join(BROWSERS)} is installed; pages are measured in one of them")
         return 3
@@ -100,6 +100,11 @@ def main(names: Sequence[str]) -> int:
     wrong = sum(1 for row in rows if row["clipped"] or row["overlaps"])
     print(f"{len(rows) // len(WIDTHS)} pages at {len(WIDTHS)} widths, {wrong} with something wrong")
     return 1 if wrong else 0
+
+
+def browser_of() -> str | None:
+    """The Chromium that is installed."""
+    return next((path for path in map(shutil.which, BROWSERS) if path), None)
 
 
 def _of_model(browser: str, path: Path) -> list[dict[str, Any]]:

@@ -46,9 +46,9 @@ def _chart(doc: Manuscript, chart: Equations, k: int) -> None:
     _transfer(doc, chart, k)
     doc.mean(rf"!w^{{({k})}},\; !B^{{({k})}}", f"quasi-velocities of chart {k}, and their rows")
     if doc.system.c.is_zero():
-        doc.mean(rf"!S^{{({k})}}", f"S of chart {k}")
+        doc.mean(rf"!S^{{({k})}}", f"$!S$ of chart {k}")
     else:
-        doc.mean(rf"!S^{{({k})}},\; !R^{{({k})}}", f"S and R of chart {k}")
+        doc.mean(rf"!S^{{({k})}},\; !R^{{({k})}}", f"$!S$ and $!R$ of chart {k}")
 
 
 def _rows(chart: Equations) -> ca.SX:

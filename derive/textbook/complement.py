@@ -162,7 +162,7 @@ def _twists(doc: Manuscript, factors: _Factors) -> None:
     )
     product = ca.mtimes([factors.N_l, factors.N_d, factors.v])
     doc.law("complement", r"!t", r"!N_l\,!N_d\,!v", _column_of_twists(factors) - product)
-    doc.mean(r"!N_l,\; !N_d", "factors of the natural orthogonal complement: t = N_l N_d v")
+    doc.mean(r"!N_l,\; !N_d", "factors of the natural orthogonal complement, $!t=!N_l\\,!N_d\\,!v$")
     for i, link in enumerate(factors.links):
         _link(doc, factors, i, link)
     doc.state(r"!B_{ij}", r"!B_{i,i-1}\,!B_{i-1,j}")
@@ -179,7 +179,7 @@ def _column_of_twists(factors: _Factors) -> ca.SX:
 def _link(doc: Manuscript, factors: _Factors, i: int, link: Link) -> None:
     """p_i and B_i,parent."""
     index = i + 1
-    doc.say("For {name}", name=link.name)
+    doc.say("For {name}:", name=link.name)
     doc.matrix(f"p[{index}]", rf"!p_{{{index}}}^T", rf"p^{{{index}}}", factors.p[i].T)
     if link.parent >= 0:
         pair = f"{index},{link.parent + 1}"
@@ -223,4 +223,4 @@ def _pivots(doc: Manuscript, f: _Factors) -> None:
         "The factors have $U_{ij}=!p_i^T!B_{ji}^T!\\psi_j$. The entries of $!D$ are the pivots:"
     )
     doc.vector("m_hat", r"\hat{m}", D)
-    doc.mean(r"!U,\; !D", "factors of the mass matrix, M = U D Uᵀ, tip to base")
+    doc.mean(r"!U,\; !D", "factors of the mass matrix, tip to base, $!M=!U\\,!D\\,!U^T$")

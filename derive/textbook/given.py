@@ -47,13 +47,18 @@ def _gravity(doc: Manuscript) -> None:
     assert doc.system.model.gravity is not None
     vector, g = doc.system.model.gravity, doc.notation.g
     if g is None:
-        doc.say("Gravity is $!g=$ {g} m/s².", g=point(doc, vector, "gravity"))
+        doc.say("Gravity is {g} m/s².", g=_equal(r"!g", point(doc, vector, "gravity")))
         doc.mean(r"!g", "gravity", "m/s^2")
         return
     doc.say("The magnitude of gravity is, in m/s²:")
     doc.lines("g", [g.symbol], [sympy.Float(repr(g.value), 15)], ca.SX(g.value))
-    doc.say("It acts along $!g=$ {g}.", g=point(doc, vector, "gravity"))
+    doc.say("As a vector it is {g}.", g=_equal(r"!g", point(doc, vector, "gravity")))
     doc.mean(r"!g,\; g", "gravity, its magnitude", "m/s^2")
+
+
+def _equal(left: str, right: Math) -> Math:
+    """left = right, in the short hand of names.bold."""
+    return Math(f"{names.bold(left)} = {right.latex}")
 
 
 def _parameters(doc: Manuscript) -> None:
@@ -65,10 +70,12 @@ def _parameters(doc: Manuscript) -> None:
         "The parameters and their values are"
         + (" (numbers in all formulas below):" if numbers else ":")
     )
-    doc.listing(("symbol", "value", "unit", "meaning"), parameters, lambda x: _parameter(doc, x))
+    head = ("symbol", "value", "unit", *(["meaning"] if any(x.about for x in parameters) else []))
+    doc.listing(head, parameters, lambda x: _parameter(doc, x)[: len(head)])
     free = [x for x in parameters if x.name not in constants]
     for x, symbol in zip(free, doc.notation.p):
-        doc.mean(doc.notation.latex[symbol], x.about or f"parameter {x.name}", x.unit)
+        about = x.about or f"parameter {x.name}"
+        doc.mean(doc.notation.latex[symbol], "{about}", x.unit, about=about)
 
 
 def _parameter(doc: Manuscript, x: Parameter) -> tuple[Runs, ...]:
@@ -86,15 +93,17 @@ def _bodies(doc: Manuscript) -> None:
     if not model.bodies:
         return
     doc.say(
-        "The bodies are, with centres of mass in body coordinates and moments of inertia about "
-        "them:"
+        "The bodies are the following. Every body has axes of its own; centres of mass are given "
+        "in these, and moments of inertia about the centre of mass:"
     )
     doc.listing(
         ("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²"),
         model.bodies,
         lambda x: _body(doc, x),
     )
-    doc.say("They are connected by joints, parents first:")
+    turned = any(x.rotation for joint in model.joints for x in (joint.at_parent, joint.at_child))
+    zero = "" if turned else " Where all coordinates are zero the axes of all bodies are parallel."
+    doc.say(f"Joints connect them, from the ground outwards.{zero}")
     doc.listing(
         ("joint", "type", "from → to", "at, in each body / m", "coordinates"),
         model.joints,
@@ -147,7 +156,11 @@ def _energies(doc: Manuscript) -> None:
         return
     T = doc.formula(model.kinetic, "given T")
     V = doc.formula(model.potential or 0.0, "given V")
-    doc.say("The kinetic and the potential energy are given as $T=$ {T} and $V=$ {V}.", T=T, V=V)
+    doc.say(
+        "The kinetic and the potential energy are given as {T} and {V}.",
+        T=_equal("T", T),
+        V=_equal("V", V),
+    )
 
 
 def _tied(doc: Manuscript) -> None:
@@ -170,7 +183,7 @@ def _driven(doc: Manuscript) -> None:
     for symbol, x in zip(doc.u, model.inputs):
         latex = doc.notation.latex[symbol]
         rows.append(((Math(latex),), driven(doc, x)))
-        doc.mean(latex, x.about or f"input {x.name}", x.unit)
+        doc.mean(latex, "{about}", x.unit, about=x.about or f"input {x.name}")
     if rows:
         doc.say("Applied forces and inputs are:")
         doc.table(("name", "what it does"), rows)

@@ -32,7 +32,9 @@ def directions(doc: Manuscript) -> None:
     else:
         _repeated_rows(doc)
         _entries(doc)
-    doc.mean(r"!S", "velocities per quasi-velocity (partial velocities), A S = 0, B S = 1")
+    doc.mean(
+        r"!S", "velocities per quasi-velocity (partial velocities), $!A\\,!S=!0$, $!B\\,!S=!1$"
+    )
     _velocities(doc)
 
 
@@ -57,7 +59,7 @@ def _stacked(doc: Manuscript) -> None:
         r"\begin{bmatrix} !A \\ !B \end{bmatrix} !v = \begin{bmatrix} !c \\ !w \end{bmatrix},"
         r" \qquad !Y^{-1} = \begin{bmatrix} !R & !S \end{bmatrix}",
     )
-    doc.mean(r"!Y", "constraint rows over speed rows, [A; B]")
+    doc.mean(r"!Y", "constraint rows $!A$ over speed rows $!B$")
 
 
 def _repeated_rows(doc: Manuscript) -> None:
@@ -83,8 +85,8 @@ def _blocks(doc: Manuscript) -> None:
         i=Math(r"\mathbf{v}_2=" + _listing(doc, free)),
     )
     doc.state(r"!S'", r"!B_2 - !B_1\,!A_1^{-1}!A_2")
-    doc.mean(r"!S'", "Schur complement of A₁ in Y")
-    doc.say("The blocks of the inverse are, for the velocities in this order:")
+    doc.mean(r"!S'", "Schur complement of $!A_1$ in $!Y$")
+    doc.say("With the velocities in the order $!v_1$, $!v_2$ the blocks of the inverse are:")
     _block_laws(doc, dependent, free)
 
 
@@ -127,7 +129,7 @@ def _entries(doc: Manuscript) -> None:
         doc.say("Eliminated one row at a time, with the pivots of the choice, they are:")
         doc.matrix("S", r"!S", "S", doc.terms.named("S"))
     doc.matrix("R", r"!R", "R", doc.terms.named("R"))
-    doc.mean(r"!R", "velocities per unit of c, A R = 1, B R = 0")
+    doc.mean(r"!R", "velocities per unit of $!c$, $!A\\,!R=!1$, $!B\\,!R=!0$")
 
 
 def _multiplied_out(doc: Manuscript) -> None:
@@ -174,7 +176,7 @@ def accelerations(doc: Manuscript) -> None:
     if "sigma" in doc.entries or doc.equations.generalized_velocities or not doc.w:
         return
     sigma = doc.terms.named("sigma")
-    doc.mean(r"!\sigma", "v̇ where ẇ = 0: v̇ = S ẇ + σ")
+    doc.mean(r"!\sigma", "accelerations where $!!w=!0$, $!!v=!S\\,!!w+!\\sigma$")
     if sigma.is_zero():
         doc.entries["sigma"] = [[sympy.Integer(0)]] * len(doc.v)
         doc.say("$!S$ is constant, so the accelerations are $!!v=!S\\,!!w$.")
@@ -237,7 +239,7 @@ def _sigma_entries(doc: Manuscript, zeta: ca.SX | None) -> None:
         doc.say("The rates of the speed rows are:")
         if not doc.vector("zeta", r"\zeta", zeta):
             return
-        doc.mean(r"!\zeta", "rates of the speed rows, −Ḃ v")
+        doc.mean(r"!\zeta", "rates of the speed rows, $-!!B\\,!v$")
     needed = {"S", "beta"}
     needed |= {"R"} if doc.terms.has("Y") else set()
     needed |= {"E"} if doc.terms.has("E") else set()

@@ -125,7 +125,7 @@ def _forces(motion: _SteadyMotion) -> None:
         _matrix(doc, "G at", r"!G", "G", motion.at(ca.jacobian(f_w, u)))
     doc.mean(
         r"!K,\; !G",
-        "slopes of f_w − h_w over the minimal states and the inputs, along the steady motion",
+        "slopes of $!f_w-!h_w$ over the minimal states and the inputs, along the steady motion",
     )
 
 

@@ -65,8 +65,8 @@ class Meaning:
     """A line of the table of symbols."""
 
     latex: str
-    about: str
-    unit: str = ""
+    about: Runs
+    unit: str
 
 
 class Manuscript:
@@ -98,6 +98,7 @@ class Manuscript:
         self.column = 0  # of the sections that follow, see Section
         self.rounded = False  # whether a number of a table was
         self.folding = False  # of displays that follow, whatever their length
+        self._zeros_told = False  # that entries which are not listed are zero
         self._explained = False  # what abbreviations are
         self._pending: list[Line] = []  # of symbols that the next display has to explain
         self._constants: dict[sympy.Float, sympy.Symbol] = {}
@@ -123,6 +124,10 @@ class Manuscript:
         if self._blocks:
             anchor = f"section-{len(self._sections) + 1}"
             self._sections.append(Section(self._title, anchor, tuple(self._blocks), self._side))
+
+    def has_section(self, title: str) -> bool:
+        """Whether a section of this title is closed."""
+        return any(section.title == title for section in self._sections)
 
     def document(self, title: str, subtitle: str, version: str) -> Document:
         """All sections, formulas and laws so far."""
@@ -170,9 +175,13 @@ class Manuscript:
         """Adds a list without numbers."""
         self._blocks.append(Items(tuple(items)))
 
-    def mean(self, latex: str, about: str, unit: str = "") -> None:
-        """A line for the table of symbols, in the short hand of names.bold."""
-        self.meanings.append(Meaning(names.bold(latex), about, unit))
+    def mean(
+        self, latex: str, about: str, unit: str | None = None, /, **given: str | Math | Ref
+    ) -> None:
+        """A line for the table of symbols, in the short hand of names.bold; `about` is a template
+        as in `say`. What has several units, or none of its own, is given none."""
+        printed = "" if unit is None else names.unit(unit)
+        self.meanings.append(Meaning(names.bold(latex), runs(about, **given), printed))
 
     def too_long(self, latex: str) -> None:
         """Says that a term is left out of the page and where it is to be had."""
@@ -356,6 +365,9 @@ class Manuscript:
         if shown:
             column = ca.densify(value)[shown]
             self.lines(name, [symbols[i] for i in shown], [entries[i] for i in shown], column)
+        if 0 < len(shown) < len(entries) and not self._zeros_told:
+            self._zeros_told = True
+            self.say("Entries that are not listed are zero, here and below.")
         return True
 
     def matrix(

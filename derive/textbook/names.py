@@ -161,3 +161,10 @@ def unit(text: str) -> str:
     powers = {"2": "²", "3": "³", "4": "⁴"}
     printed = re.sub(r"\^([234])\b", lambda m: powers[m[1]], text).replace("*", "·")
     return "–" if printed in ("", "1") else printed
+
+
+def per_second(text: str) -> str:
+    """The unit of a rate: m/s → m/s^2."""
+    if text in ("", "1"):
+        return "1/s"
+    return f"{text}^2" if text.endswith("/s") else f"{text}/s"

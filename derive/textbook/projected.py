@@ -18,6 +18,8 @@ from derive.textbook.inverse import accelerations
 from derive.textbook.layout import Rows
 from derive.textbook.manuscript import Manuscript, sum_of
 from derive.textbook.motion import bias, force_column
+from derive.textbook.names import per_second
+from derive.textbook.records import Math
 
 SHORT = 40  # operations of an entry of M_w, h_w or f_w that is printed multiplied out
 LONG_SUM = 30  # operations beyond which products of matrices are printed in two steps
@@ -40,7 +42,7 @@ def final(doc: Manuscript) -> None:
     doc.law("projected", FINAL, r"!f_w", balance(doc.terms, doc.terms.wdot), boxed=True)
     doc.mean(
         r"!M_w,\; !h_w,\; !f_w",
-        "mass matrix, bias and applied force of the quasi-velocities: M_w ẇ + h_w = f_w",
+        "mass matrix, bias and applied force of the quasi-velocities, $!M_w\\,!!w+!h_w=!f_w$",
     )
     M, S = doc.system.M, doc.terms.named("S")
     doc.say("The mass matrix of the quasi-velocities is that of the directions $!S$:")
@@ -82,7 +84,7 @@ def _by_momenta(doc: Manuscript) -> Rows:
     doc.say("In two steps, the momenta per quasi-velocity are $!P=!M\\,!S$:")
     momenta = [sum_of(row, column) for row in doc.entries["M"] for column in zip(*S)]
     doc.matrix("P", r"!P", "P", ca.mtimes(doc.system.M, doc.terms.named("S")), momenta)
-    doc.mean(r"!P", "momenta per quasi-velocity, M S")
+    doc.mean(r"!P", "momenta per quasi-velocity, $!M\\,!S$")
     columns = list(zip(*doc.entries["P"]))
     return [[sum_of(s, p) for p in columns] for s in zip(*S)]
 
@@ -132,7 +134,7 @@ def _bias_in_steps(doc: Manuscript, h_w: ca.SX) -> None:
     F = [x + sum_of(row, sigma) for x, row in zip(h, doc.entries["M"])]
     s = doc.system
     doc.vector("F", "F", s.h + ca.mtimes(s.M, doc.terms.named("sigma")), F)
-    doc.mean(r"!F", "bias in the generalized velocities where ẇ = 0, h + M σ")
+    doc.mean(r"!F", "bias in the generalized velocities where $!!w=!0$, $!h+!M\\,!\\sigma$")
     at_rest = _column(doc, "F")
     doc.vector("h_w", "h^{w}", h_w, [sum_of(s, at_rest) for s in zip(*doc.entries["S"])])
 
@@ -188,5 +190,7 @@ def _cramer(doc: Manuscript, M: Rows, f: Sequence[sympy.Expr]) -> None:
 def _accelerations(doc: Manuscript, expressions: Sequence[sympy.Expr]) -> None:
     doc.rates = [doc.notation.rate(symbol) for symbol in doc.w]
     doc.lines("wdot", doc.rates, expressions, doc.terms.wdot, boxed=True)
-    for symbol, rate in zip(doc.w, doc.rates):
-        doc.mean(doc.notation.latex[rate], f"rate of {symbol.name}")
+    units = doc.equations.argument("x").units[doc.equations.speeds]
+    for symbol, rate, unit in zip(doc.w, doc.rates, units):
+        of = Math(doc.notation.latex[symbol])
+        doc.mean(doc.notation.latex[rate], "rate of {of}", per_second(unit), of=of)

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 from sympy import Symbol
 
-from derive.expressions.tree import ONE, Expression
+from derive.expressions.tree import ONE, Expression, Name, walk
 from derive.model.constraint_records import Distance, Holonomic, Nonholonomic, NoSlip, Rolling
 from derive.model.load_records import (
     Contact,
@@ -25,7 +25,7 @@ from derive.model.load_records import (
     Tension,
     Torque,
 )
-from derive.model.records import GROUND, Closure, Input, Placement
+from derive.model.records import GROUND, Closure, Coordinate, Input, Placement, Velocity
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript, runs
 from derive.textbook.records import Math, Run, Runs, Text
@@ -121,7 +121,7 @@ def _no_slip(doc: Manuscript, x: NoSlip) -> Runs:
 
 
 def _rolling(doc: Manuscript, x: Rolling) -> Runs:
-    radius, normal = doc.formula(x.radius, x.name), point(doc, x.normal, x.name)
+    radius, normal = _measured(doc, x.radius, x.name, "m"), point(doc, x.normal, x.name)
     axis = point(doc, x.axis, x.name)
     about = "" if x.shape == "sphere" else " about its axis {axis}"
     of = "" if x.carrier == GROUND else f"of {x.carrier} "
@@ -153,24 +153,40 @@ def _distance(doc: Manuscript, x: Distance) -> Runs:
         first=first,
         other=x.bodies[1],
         second=second,
-        length=doc.formula(x.length, x.name),
+        length=_measured(doc, x.length, x.name, "m"),
     )
+
+
+def _measured(doc: Manuscript, x: Expression, about: str, unit: str) -> Math:
+    """A formula, and the unit (LaTeX, upright) of one that is a number."""
+    formula = doc.formula(x, about)
+    if not unit or any(isinstance(part, Name) for part in walk(x)):
+        return formula
+    return Math(rf"{formula.latex}\;\mathrm{{{unit}}}")
 
 
 def _joint_spring(doc: Manuscript, x: JointSpring) -> Runs:
+    turns = _turns(doc.system.model.coordinates, x.coordinate, "rad")
     return runs(
         "spring on {coordinate}: stiffness {stiffness}, at rest at {rest}",
         coordinate=_coordinate(doc, x.coordinate),
-        stiffness=doc.formula(x.stiffness, x.name),
-        rest=doc.formula(x.rest, x.name),
+        stiffness=_measured(doc, x.stiffness, x.name, r"N\,m/rad" if turns else "N/m"),
+        rest=_measured(doc, x.rest, x.name, "rad" if turns else "m"),
     )
 
 
+def _turns(declared: Sequence[Coordinate] | Sequence[Velocity], name: str, unit: str) -> bool:
+    """Whether it is an angle, or an angular velocity."""
+    return any(x.name == name and x.unit == unit for x in declared)
+
+
 def _joint_damper(doc: Manuscript, x: JointDamper) -> Runs:
+    turns = _turns(doc.system.model.velocities, x.velocity, "rad/s")
+    unit = r"N\,m\,s/rad" if turns else r"N\,s/m"
     return runs(
         "damper on {velocity}: coefficient {coefficient}",
         velocity=_velocity(doc, x.velocity),
-        coefficient=doc.formula(x.coefficient, x.name),
+        coefficient=_measured(doc, x.coefficient, x.name, unit),
     )
 
 
@@ -180,9 +196,9 @@ def _point_spring(doc: Manuscript, x: PointSpring) -> Runs:
         "{damping}",
         one=x.bodies[0],
         other=x.bodies[1],
-        stiffness=doc.formula(x.stiffness, x.name),
-        length=doc.formula(x.length, x.name),
-        damping=doc.formula(x.damping, x.name),
+        stiffness=_measured(doc, x.stiffness, x.name, "N/m"),
+        length=_measured(doc, x.length, x.name, "m"),
+        damping=_measured(doc, x.damping, x.name, r"N\,s/m"),
     )
 
 
@@ -202,8 +218,8 @@ def _contact(doc: Manuscript, x: Contact) -> Runs:
         shape=x.shape,
         what="a plane" if x.surface is None else "a surface",
         carrier=x.carrier,
-        stiffness=doc.formula(x.stiffness, x.name),
-        damping=doc.formula(x.damping, x.name),
+        stiffness=_measured(doc, x.stiffness, x.name, "N/m"),
+        damping=_measured(doc, x.damping, x.name, "s/m"),
         friction=doc.formula(x.friction, x.name),
         smoothing=doc.formula(x.smoothing, x.name),
     )

@@ -15,6 +15,7 @@ from derive.textbook.measure import letters
 
 LINE = 62  # visible characters in one line of a sum
 PIECE = 20  # of a part that is not broken
+ALONE = 4  # of a factor that no line ends after
 CALLED = {
     "sin": r"\sin",
     "cos": r"\cos",
@@ -102,6 +103,8 @@ class Typesetter:
         for f in sorted(after, key=self._place_in_product):
             own = self._factor_pieces(f)
             own[0] = rf"\, {own[0]}" if pieces else own[0]
+            if pieces and width(pieces[-1]) <= ALONE:  # a short factor stays with the next
+                own[0] = pieces.pop() + own[0]
             pieces += own
         return [("-" if negative else "") + pieces[0], *pieces[1:]]
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from derive.mechanics.records import System
+from hamel.draw.mechanism.anchors import LOOSE
 from hamel.draw.mechanism.figure import shapes
 from hamel.draw.mechanism.moving import Stage, shape_data, staged, view_data
 from hamel.draw.mechanism.poses import Bodies
@@ -41,7 +42,7 @@ def drawing_of(system: System, t: Vector, q: Vector, p: Vector) -> Drawing:
             for shape, slope in zip(stage.parts, slopes)
         ],
         "view": view_data(space),
-        "follow": stage.follow,
+        "free": any(anchor.type in LOOSE for anchor in space.anchors),
         "box": [round(x, 1) for x in stage.box],
     }
     bodies = Bodies(system, space.loose, space.dials)

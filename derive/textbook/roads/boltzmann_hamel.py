@@ -58,7 +58,7 @@ def _directions(doc: Manuscript, found: Coefficients) -> None:
         rf"!1,\qquad !U = {both}",
         ca.mtimes(found.rows, found.directions) - unit,
     )
-    doc.mean(r"!u_{r}", "direction of a quasi-velocity, a column of [S R]")
+    doc.mean(r"!u_{r}", "direction of a quasi-velocity, a column of $!U$")
     doc.table(("index", "quasi-velocity", "is"), _indices(doc, found))
 
 
@@ -92,7 +92,10 @@ def _coefficients(doc: Manuscript, found: Coefficients) -> None:
         r"\frac{\partial !u_l}{\partial !q}!N\,!u_r - \frac{\partial !u_r}{\partial !q}!N\,!u_l "
         r"+ !\chi\left(!u_r, !u_l\right) = \sum_s \gamma^{s}_{rl}\,!u_s",
     )
-    doc.mean(r"\gamma^{s}_{rl}", "Hamel's coefficients, [u_r, u_l] = Σ γ u_s")
+    doc.mean(
+        r"\gamma^{s}_{rl}",
+        r"Hamel's coefficients, $\left[!u_r, !u_l\right]=\sum_s \gamma^{s}_{rl}\,!u_s$",
+    )
     _own(doc, found)
     _zeros(doc, found)
     _listed(doc, found)
@@ -211,7 +214,7 @@ def _momenta(doc: Manuscript, found: Coefficients) -> None:
         value - ca.mtimes(found.directions.T, at_motion),
     )
     doc.vector("momentum", "p", value)
-    doc.mean(r"!p", "momenta of all quasi-velocities, ∂T/∂w", "")
+    doc.mean(r"!p", r"momenta of all quasi-velocities, $!U^T\partial T/\partial !v$")
 
 
 def _equations(doc: Manuscript, found: Coefficients) -> None:
@@ -228,7 +231,7 @@ def _equations(doc: Manuscript, found: Coefficients) -> None:
         r"!u_l^T\left(!Q - !V\right),\qquad l = 1,\ldots," + str(found.free),
         _left(doc.terms, doc.terms.wdot),
     )
-    doc.mean(r"!V", "bias of gravity and potential, h where v = 0")
+    doc.mean(r"!V", "bias of gravity and potential, $!h$ where $!v=!0$")
     doc.say("The changes of the kinetic energy along the directions are:")
     value = _energy_change(doc.terms)
     if doc.vector("change", "T", value) and all(x == [0] for x in doc.entries["change"]):

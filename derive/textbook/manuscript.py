@@ -8,7 +8,6 @@ why they stay short.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 import casadi as ca
@@ -23,6 +22,7 @@ from derive.textbook.convert import BEARABLE, FEW_PIECES, MOST_PIECES, READABLE,
 from derive.textbook.layout import Rows, entry_index, plain, rows_of, simple, wide_entries
 from derive.textbook.measure import parts
 from derive.textbook.notation import Extra, Notation
+from derive.textbook.prose import runs
 from derive.textbook.records import (
     Block,
     Display,
@@ -31,11 +31,11 @@ from derive.textbook.records import (
     Law,
     Line,
     Math,
+    Meaning,
     Paragraph,
     Pattern,
     Printed,
     Ref,
-    Run,
     Runs,
     Section,
     Table,
@@ -58,15 +58,6 @@ KEPT = 10  # of a longer one
 LONG = 900  # characters of a display that is folded
 MOST_LINES = 14  # so is one of more lines
 WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
-
-
-@dataclass(frozen=True)
-class Meaning:
-    """A line of the table of symbols."""
-
-    latex: str
-    about: Runs
-    unit: str
 
 
 class Manuscript:
@@ -507,20 +498,3 @@ def _short_or_symbol(
 def _much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
     total = sum(map(operations, y))
     return sum(map(operations, x)) < MUCH_SHORTER * total > WORTH_NAMES
-
-
-def runs(template: str, **given: str | Math | Ref) -> Runs:
-    """Text and mathematics in turn: `$…$` is our own, `{name}` is the user's text, or Math."""
-    parts: list[Run] = []
-    for i, part in enumerate(template.split("$")):
-        parts += [Math(names.bold(part))] if i % 2 else _filled(part, given)
-    return tuple(part for part in parts if part != Text(""))
-
-
-def _filled(template: str, given: dict[str, str | Math | Ref]) -> list[Run]:
-    """Text around {name} places."""
-    runs: list[Run] = []
-    for i, part in enumerate(template.replace("{", "}").split("}")):
-        value = given[part] if i % 2 else part
-        runs.append(Text(value) if isinstance(value, str) else value)
-    return runs

@@ -27,7 +27,8 @@ from derive.model.load_records import (
 )
 from derive.model.records import GROUND, Closure, Coordinate, Input, Placement, Velocity
 from derive.textbook import names
-from derive.textbook.manuscript import Manuscript, runs
+from derive.textbook.manuscript import Manuscript
+from derive.textbook.prose import runs
 from derive.textbook.records import Math, Run, Runs, Text
 
 AXES = "xyz"

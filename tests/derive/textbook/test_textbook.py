@@ -2,7 +2,7 @@
 
 Of derive.textbook: charts, choice, complement, compose, constraints, dependent, elimination,
 energy, given, graph, interaction, inverse, kinematics, layout, linear, manuscript, methods,
-motion, multipliers, notation, outputs, pages, projected, records, ring, sentences, terms.
+motion, multipliers, notation, outputs, pages, projected, prose, records, ring, sentences, terms.
 """
 
 import functools
@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from html import unescape
 from xml.etree import ElementTree
 
 import casadi as ca
@@ -306,7 +307,7 @@ def words_of(text: str) -> str:
     """What is read: no element, no style, and every formula as one letter."""
     bare = re.sub(r"<style.*?</style>|<svg.*?</svg>", "", text, flags=re.DOTALL)
     bare = re.sub(r"<math.*?</math>", "x", bare, flags=re.DOTALL)
-    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", bare))
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", bare)))
 
 
 def test_words_hold_no_raw_names_and_say_what_a_student_asks():

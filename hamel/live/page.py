@@ -21,10 +21,9 @@ from derive.states.initial import initial_state
 from derive.textbook import names
 from derive.textbook.derivation import derivation
 from derive.textbook.mathml import mathml
-from derive.textbook.notation import Notation
+from derive.textbook.notation import symbols_of
 from derive.textbook.pages import rendered
 from derive.textbook.records import Document
-from derive.textbook.terms import Terms
 from derive.textbook.write_html import parts_of
 from hamel.draw.canvas import ENTRY, element, text
 from hamel.draw.mechanism.figure import bar_width
@@ -82,7 +81,7 @@ def live_of(equations: Equations, roads: Sequence[str]) -> Live:
         "size": [LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT],
         "rtol": TOLERANCE,
     }
-    return Live(equations, document, module, drawing, data, _symbols(equations))
+    return Live(equations, document, module, drawing, data, symbols_of(equations))
 
 
 def _of_motion(equations: Equations, x: np.ndarray, p: np.ndarray) -> dict[str, Any]:
@@ -143,16 +142,6 @@ def sliders(live: Live) -> dict[str, list[Slider]]:
 
 def _unit(text: str) -> str:
     return names.unit(text) if text not in ("", "1") else ""
-
-
-def _symbols(equations: Equations) -> dict[str, str]:
-    """LaTeX of everything that has a slider or a curve, as the formulas of the page have it."""
-    notation = Notation(Terms(equations))
-    groups = (equations.argument("p"), equations.argument("x"), equations.argument("u"))
-    labels = [name for group in groups for name in group.labels]
-    symbols = {name: notation.typeset(name) for name in labels}
-    symbols |= {symbol.name: latex for symbol, latex in notation.latex.items()}
-    return symbols | {name: notation.latex[w] for name, w in zip(equations.w, notation.w)}
 
 
 def _free(system: System, data: Mapping[str, Any]) -> list[int]:

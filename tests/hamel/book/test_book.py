@@ -86,6 +86,13 @@ def test_every_link_of_the_book_leads_somewhere() -> None:
     assert pages("A <book>", BOOK) == texts
 
 
+def test_titles_are_words() -> None:
+    texts = pages("Book", BOOK)
+    assert "<h1>2. long arm</h1>" in texts["long_arm.html"]
+    assert all(">long arm</a>" in texts[name] for name in (CONTENTS, INDEX, PRINT, "arm.html"))
+    assert not any("long_arm<" in text for text in texts.values())
+
+
 def test_a_chapter_without_a_motion_says_why() -> None:
     alone = placed(
         [replace(BOOK[0].chapter, motion=None, refusal="it comes to a singular position")]

@@ -8,6 +8,7 @@ ROWS = 300  # of it: between them states are interpolated for the picture
 TOLERANCE = 1e-8  # of a step: finer than any plot, and still milliseconds
 LARGEST_PUSH = 10.0  # of an input, in its unit
 FEW = 12  # sliders of coordinates
+NOTHING = 1e-12  # an initial value below it is rounding
 CURVES = 4  # quasi-velocities in one plot: as many as there are colours
 
 # course

@@ -30,7 +30,7 @@ from hamel.draw.mechanism.figure import bar_width
 from hamel.draw.mechanism.svg import CLASS, drawn, lettered, style
 from hamel.live.course import course
 from hamel.live.functions import FORMULAS, POSES, places, with_live
-from hamel.live.limits import CURVES, FEW, LARGEST_PUSH, ROWS, SPAN, TOLERANCE
+from hamel.live.limits import CURVES, FEW, LARGEST_PUSH, NOTHING, ROWS, SPAN, TOLERANCE
 from hamel.live.module import Module, check_compiler, module_of
 from hamel.live.shape import Drawing, drawing_of
 from hamel.simulate.exact import state_of
@@ -116,7 +116,8 @@ class Slider:
     @property
     def shown(self) -> str:
         """The value, until the script writes it."""
-        return f"{self.value + 0.0:.4g}".replace("-", "−")
+        value = self.value if abs(self.value) > NOTHING else 0.0
+        return f"{value:.4g}".replace("-", "−")
 
 
 def sliders(live: Live) -> dict[str, list[Slider]]:

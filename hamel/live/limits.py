@@ -16,5 +16,6 @@ STEPS = 500  # of the motion that the size of the picture is read from: a hundre
 LOOKED = 50  # of its states
 
 # shape
+LEGIBLE = 150.0  # pixels of a mechanism at its start
 STEP = 1e-4  # of a parameter, by which the points of shapes are compared
 STILL = 1e-9  # of the size: a point that moves less does not depend on the parameter

@@ -45,7 +45,8 @@ const moved = (kind, index, value) => {
   e.value = value;
   e.dispatchEvent(new Event("input"));
 };
-for (let k = 0; k < 500 && !globalThis.hamel; k++) await new Promise(done => setTimeout(done, 20));
+const ready = () => globalThis.hamel && !document.querySelector(".equation:not([tabindex])");
+for (let k = 0; k < 500 && !ready(); k++) await new Promise(done => setTimeout(done, 20));
 const h = globalThis.hamel, first = document.getElementById("parts").innerHTML;
 for (const [kind, index, value] of MOVES) moved(kind, index, value);
 out.x = h.start(); out.p = h.now.p; out.u = h.now.u; out.told = h.told(); out.status = h.motion().status;

@@ -13,7 +13,8 @@ from derive.model.constraint_records import Rolling
 from derive.textbook.compose import operations
 from derive.textbook.layout import Rows
 from derive.textbook.manuscript import Manuscript, sum_of
-from derive.textbook.records import Math, Runs, Text
+from derive.textbook.names import words
+from derive.textbook.records import Math, Run, Runs, Text
 
 WRITTEN_OUT = 14  # operations of a sum that is not abbreviated by the symbols of its coefficients
 DEEP = 3  # levels down to which B and Sᵀ are compared
@@ -131,8 +132,8 @@ def _pivots(doc: Manuscript) -> None:
     doc.items(_with_symbols(doc, x) for x in doc.equations.pivots)
     if any("sampled" in x for x in doc.equations.pivots):
         doc.say("Sampled states are random states that the constraints admit.")
-    contacts = [x.name for x in doc.system.model.constraints if isinstance(x, Rolling)]
-    told = " ".join(doc.equations.pivots)
+    contacts = [words(x.name) for x in doc.system.model.constraints if isinstance(x, Rolling)]
+    told = words(" ".join(doc.equations.pivots))
     if any(f"{name} {axis}" in told for name in contacts for axis in "xyz"):
         doc.say(
             "Of a contact x, y and z are the components of its velocity along the axes of the "
@@ -148,7 +149,7 @@ def _with_symbols(doc: Manuscript, text: str) -> Runs:
     known = "|".join(re.escape(name) for name in sorted(symbols, key=len, reverse=True))
     pieces = re.split(rf"(?<![\w.])({known})(?![\w.(])", text) if known else [text]
     return tuple(
-        Math(doc.notation.latex[symbols[piece]]) if k % 2 else Text(piece)
+        Math(doc.notation.latex[symbols[piece]]) if k % 2 else Text(words(piece))
         for k, piece in enumerate(pieces)
         if piece
     )
@@ -181,9 +182,10 @@ def watched(doc: Manuscript, guard: Guard, latex: str) -> None:
         return
     doc.lines(f"guard {guard.name}", [symbol], entries, ca.SX(guard.value))
     bound = Math(rf"\left|{latex}\right| \ge {power_of_ten(guard.tolerance)}")
-    doc.say("It has to satisfy {bound} ({name}).", bound=bound, name=guard.name)
+    text: list[Run] = [Text("It has to satisfy "), bound, Text(" (")]
+    doc.add((*text, *_with_symbols(doc, guard.name), Text(").")))
     doc.reader.name(ca.SX(guard.value), [symbol])
-    doc.mean(latex, "guard: {name}", name=guard.name)
+    doc.mean(latex, "guard, {name}", name=words(guard.name))
 
 
 def power_of_ten(x: float) -> str:

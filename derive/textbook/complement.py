@@ -15,6 +15,7 @@ from derive.joints.rotations import cross
 from derive.mechanics.records import Link, System
 from derive.mechanics.tree import twists
 from derive.textbook.manuscript import Manuscript
+from derive.textbook.names import words
 
 FEWEST, MOST = 2, 8  # links for which the factors are written out
 
@@ -179,7 +180,7 @@ def _column_of_twists(factors: _Factors) -> ca.SX:
 def _link(doc: Manuscript, factors: _Factors, i: int, link: Link) -> None:
     """p_i and B_i,parent."""
     index = i + 1
-    doc.say("For {name}:", name=link.name)
+    doc.say("For {name}:", name=words(link.name))
     doc.matrix(f"p[{index}]", rf"!p_{{{index}}}^T", rf"p^{{{index}}}", factors.p[i].T)
     if link.parent >= 0:
         pair = f"{index},{link.parent + 1}"

@@ -6,6 +6,7 @@ import sympy
 
 from derive.mechanics.records import Row
 from derive.textbook.manuscript import Manuscript
+from derive.textbook.names import words
 from derive.textbook.records import Math, Runs, Text
 
 
@@ -65,7 +66,7 @@ def _positions(doc: Manuscript) -> None:
 
 
 def _row(i: int, row: Row) -> tuple[Runs, ...]:
-    index, name = (Text(str(i + 1)),), (Text(row.name),)
+    index, name = (Text(str(i + 1)),), (Text(words(row.name)),)
     if row.position < 0:
         return index, name, (Text("nonholonomic"),)
     position = Math(rf"\Phi_{{{row.position + 1}}}")

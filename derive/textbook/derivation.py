@@ -24,6 +24,7 @@ from derive.textbook.routes import roads_of, write_roads
 from derive.textbook.states import first_order_states
 from derive.textbook.worked import with_numbers
 
+MOST_SYMBOLS = 200  # of a longer table the first and the last
 # the section that takes from it, and the source
 REFERENCES = (
     (
@@ -104,14 +105,17 @@ def symbols(doc: Manuscript) -> None:
     """What every symbol means, with its unit."""
     doc.section("Symbols")
     rows = [((Math(x.latex),), x.about, (Text(x.unit),)) for x in doc.meanings]
-    doc.table(("symbol", "meaning", "unit"), rows)
+    doc.table(("symbol", "meaning", "unit"), rows, MOST_SYMBOLS)
 
 
 def references(doc: Manuscript) -> None:
     """Who devised the methods, and what was assumed."""
     doc.section("Sources of the methods")
-    own = [text for title, text in REFERENCES if doc.has_section(title)]
-    doc.items((Text(x),) for x in (source(doc.equations.formulation), *own))
+    texts = [text for title, text in REFERENCES if doc.has_section(title)]
+    first = source(doc.equations.formulation)
+    if not any(text.startswith(first) for text in texts):
+        texts.insert(0, first)
+    doc.items((Text(x),) for x in texts)
     for text in doc.equations.assumptions:
         doc.say("Assumed: {text}.", text=text)
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import sympy
 
+from derive.joints import joint_type
 from derive.model.records import Body, Joint, Parameter
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
@@ -96,14 +99,12 @@ def _bodies(doc: Manuscript) -> None:
         "The bodies are the following. Every body has axes of its own; centres of mass are given "
         "in these, and moments of inertia about the centre of mass:"
     )
-    doc.listing(
-        ("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²"),
-        model.bodies,
-        lambda x: _body(doc, x),
-    )
-    turned = any(x.rotation for joint in model.joints for x in (joint.at_parent, joint.at_child))
-    zero = "" if turned else " Where all coordinates are zero the axes of all bodies are parallel."
-    doc.say(f"Joints connect them, from the ground outwards.{zero}")
+    head = ("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²", "meaning")
+    shown = len(head) if any(x.about for x in model.bodies) else len(head) - 1
+    doc.listing(head[:shown], model.bodies, lambda x: _body(doc, x)[:shown])
+    turned = any(x.at_parent.rotation != x.at_child.rotation for x in model.joints)
+    zero = "" if turned else ", and where all coordinates are zero the axes of all are parallel"
+    doc.say(f"Joints connect them, from the ground outwards{zero}:")
     doc.listing(
         ("joint", "type", "from → to", "at, in each body / m", "coordinates"),
         model.joints,
@@ -114,7 +115,8 @@ def _bodies(doc: Manuscript) -> None:
 def _body(doc: Manuscript, x: Body) -> tuple[Runs, ...]:
     about = f"body {x.name}"
     mass, com = doc.formula(x.mass, about), point(doc, x.com, about)
-    return (Text(x.name),), (mass,), (com,), _inertia(doc, x, about)
+    name = Text(names.words(x.name))
+    return (name,), (mass,), (com,), _inertia(doc, x, about), (Text(x.about),)
 
 
 def _inertia(doc: Manuscript, x: Body, about: str) -> Runs:
@@ -133,10 +135,24 @@ def _inertia(doc: Manuscript, x: Body, about: str) -> Runs:
 
 
 def _joint(doc: Manuscript, x: Joint) -> tuple[Runs, ...]:
-    type_ = f"{x.type}, {x.orientation}" if x.orientation else x.type
     places = (place(doc, x.at_parent), Text("; "), place(doc, x.at_child))
-    way = Text(f"{x.parent} → {x.child}")
-    return (Text(x.name),), (Text(type_),), (way,), places, (_coordinates(doc, x),)
+    way = Text(names.words(f"{x.parent} → {x.child}"))
+    name = Text(names.words(x.name))
+    return (name,), _type(doc, x), (way,), places, (_coordinates(doc, x),)
+
+
+def _type(doc: Manuscript, x: Joint) -> Runs:
+    """In space with the axis, in the axes of the body that moves."""
+    type_ = f"{x.type}, {x.orientation}" if x.orientation else x.type
+    if doc.system.model.plane or not joint_type(x.type).needs_axis:
+        return (Text(type_),)
+    scalar, rotation = doc.system.symbols.scalar, x.at_child.rotation
+    axis = ca.vertcat(*(ca.SX(scalar(entry)) for entry in x.axis))
+    if rotation is not None:
+        rows = [ca.horzcat(*(ca.SX(scalar(entry)) for entry in row)) for row in rotation]
+        axis = ca.mtimes(ca.vertcat(*rows), axis)
+    entries = r",\; ".join(doc.term(axis[k], f"axis of {x.name}").latex for k in range(3))
+    return Text(f"{type_} along "), Math(f"({entries})")
 
 
 def _coordinates(doc: Manuscript, x: Joint) -> Math | Text:
@@ -163,14 +179,18 @@ def _energies(doc: Manuscript) -> None:
     )
 
 
+def _name(x: Any) -> Text:
+    return Text(names.words(x.name))
+
+
 def _tied(doc: Manuscript) -> None:
     """Closures and constraints."""
     model = doc.system.model
     rows: list[tuple[Runs, ...]] = []
     for x in model.closures:
-        rows.append(((Text(x.name),), (Text(f"{x.type} closure"),), closure(doc, x)))
+        rows.append(((_name(x),), (Text(f"{x.type} closure"),), closure(doc, x)))
     for x in model.constraints:
-        rows.append(((Text(x.name),), (Text(kind(x)),), constraint(doc, x)))
+        rows.append(((_name(x),), (Text(kind(x)),), constraint(doc, x)))
     if rows:
         doc.say("The motion is tied by:")
         doc.table(("name", "kind", "what it says"), rows)
@@ -179,7 +199,7 @@ def _tied(doc: Manuscript) -> None:
 def _driven(doc: Manuscript) -> None:
     """Loads and inputs."""
     model = doc.system.model
-    rows: list[tuple[Runs, ...]] = [((Text(x.name),), load(doc, x)) for x in model.loads]
+    rows: list[tuple[Runs, ...]] = [((_name(x),), load(doc, x)) for x in model.loads]
     for symbol, x in zip(doc.u, model.inputs):
         latex = doc.notation.latex[symbol]
         rows.append(((Math(latex),), driven(doc, x)))

@@ -173,7 +173,7 @@ def _velocities(doc: Manuscript) -> None:
 
 def accelerations(doc: Manuscript) -> None:
     """v̇ = S ẇ + σ, where σ solves Y σ = [β; ζ]; once on a page."""
-    if "sigma" in doc.entries or doc.equations.generalized_velocities or not doc.w:
+    if doc.equations.generalized_velocities or not doc.w or not doc.first("accelerations"):
         return
     sigma = doc.terms.named("sigma")
     doc.mean(r"!\sigma", "accelerations where $!!w=!0$, $!!v=!S\\,!!w+!\\sigma$")

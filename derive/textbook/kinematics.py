@@ -119,7 +119,8 @@ def _declared(
 
 
 def _row(latex: str, x: Coordinate | Velocity) -> tuple[Runs, ...]:
-    return (Math(latex),), (Text(x.name),), (Text(names.unit(x.unit)),), (Text(x.owner or "–"),)
+    owner = Text(names.words(x.owner) if x.owner else "–")
+    return (Math(latex),), (Text(x.name),), (Text(names.unit(x.unit)),), (owner,)
 
 
 def _rates(doc: Manuscript) -> None:
@@ -224,8 +225,10 @@ def _table(doc: Manuscript) -> None:
         moved = sorted(j for k in path(links, i) for j in links[k].columns)
         inertia = Text(f"rows and columns {_ranges(moved)}" if moved else "none")
         added = Math(r",\; ".join(own)) if own else Text("none")
-        rows.append(((Text(link.name),), (Text(carrier),), (added,), (inertia,)))
-    doc.table(("link", "carried by", "its joint adds", "adds to M in"), rows[:MOST_ROWS])
+        name, carrier = names.words(link.name), names.words(carrier)
+        rows.append(((Text(name),), (Text(carrier),), (added,), (inertia,)))
+    head = ("link", "carried by", "its joint adds", "its mass adds to the mass matrix in")
+    doc.table(head, rows[:MOST_ROWS])
     if len(rows) > MOST_ROWS:
         doc.say(f"The other {len(rows) - MOST_ROWS} links go on in the same way.")
 
@@ -251,7 +254,7 @@ def _twists(doc: Manuscript, twists: Sequence[Component]) -> None:
         if not _link(doc, [x for x in twists if x.link == i], [*omega, *velocity]):
             doc.say(
                 "The twists of {name} and of what follows are too long to be read here.",
-                name=link.name,
+                name=names.words(link.name),
             )
             return
 

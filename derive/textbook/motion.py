@@ -47,7 +47,7 @@ def applied(doc: Manuscript) -> None:
 
 def bias(doc: Manuscript) -> None:
     """h; once on a page."""
-    if "h" in doc.entries:
+    if not doc.first("bias"):
         return
     origin = ""
     if doc.system.links:

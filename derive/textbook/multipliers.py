@@ -6,6 +6,7 @@ import casadi as ca
 import sympy
 
 from derive.textbook.manuscript import Manuscript, sum_of
+from derive.textbook.names import words
 from derive.textbook.records import Math, Runs, Text
 
 
@@ -59,7 +60,7 @@ def _law(doc: Manuscript) -> None:
 
 
 def _row(i: int, name: str) -> tuple[Runs, Runs]:
-    return (Math(rf"\lambda_{{{i + 1}}}"),), (Text(name),)
+    return (Math(rf"\lambda_{{{i + 1}}}"),), (Text(words(name)),)
 
 
 def _recovered(doc: Manuscript) -> None:

@@ -163,6 +163,11 @@ def unit(text: str) -> str:
     return "–" if printed in ("", "1") else printed
 
 
+def words(name: str) -> str:
+    """A body's, joint's or constraint's name as it is read: rear_axle → rear axle."""
+    return name.replace("_", " ")
+
+
 def per_second(text: str) -> str:
     """The unit of a rate: m/s → m/s^2."""
     if text in ("", "1"):

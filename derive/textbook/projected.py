@@ -128,6 +128,7 @@ def _said_if_none(doc: Manuscript, name: str, bold: str) -> None:
 def _bias_in_steps(doc: Manuscript, h_w: ca.SX) -> None:
     """Over F = h + M σ."""
     if not {"M", "S", "h", "sigma"} <= doc.entries.keys():
+        doc.too_long(r"\mathbf{h}_w")
         return
     doc.say("In two steps, the bias where $!!w=!0$ is $!F=!h+!M\\,!\\sigma$, and $!h_w=!S^T!F$:")
     h, sigma = _column(doc, "h"), _column(doc, "sigma")
@@ -146,6 +147,15 @@ def _column(doc: Manuscript, name: str) -> list[sympy.Expr]:
 def _solved(doc: Manuscript) -> None:
     """ẇ: a quotient, Cramer's rule for two, elimination for more."""
     if not {"M_w", "h_w", "f_w"} <= doc.entries.keys():
+        doc.say(
+            "Solved for $!!w$ by a symmetric decomposition, $!M_w=!L\\,!D\\,!L^T$, the equations "
+            "of motion are explicit:"
+        )
+        residual = doc.terms.wdot - ca.solve(
+            ca.densify(doc.terms.named("M_w")),
+            ca.densify(column_force(doc.terms) - column_bias(doc.terms)),
+        )
+        doc.law("explicit", r"!!w", r"!M_w^{-1}\left(!f_w - !h_w\right)", residual, boxed=True)
         return
     if len(doc.w) > MOST_SPEEDS:
         doc.say("These linear equations are solved by an unrolled $!L\\,!D\\,!L^T$ decomposition.")

@@ -28,6 +28,7 @@ from derive.model.load_records import (
 from derive.model.records import GROUND, Closure, Coordinate, Input, Placement, Velocity
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
+from derive.textbook.names import words
 from derive.textbook.prose import runs
 from derive.textbook.records import Math, Run, Runs, Text
 
@@ -73,9 +74,9 @@ def closure(doc: Manuscript, x: Closure) -> Runs:
     first, second = (place(doc, at) for at in x.placements)
     return runs(
         "a point of {one} at {first} stays on a point of {other} at {second}",
-        one=x.bodies[0],
+        one=words(x.bodies[0]),
         first=first,
-        other=x.bodies[1],
+        other=words(x.bodies[1]),
         second=second,
     )
 
@@ -115,7 +116,7 @@ def _symbol(
 def _no_slip(doc: Manuscript, x: NoSlip) -> Runs:
     return runs(
         "the point of {body} at {point} has no velocity along its direction {direction}",
-        body=x.body,
+        body=words(x.body),
         point=point(doc, x.point, x.name),
         direction=point(doc, x.direction, x.name),
     )
@@ -125,13 +126,13 @@ def _rolling(doc: Manuscript, x: Rolling) -> Runs:
     radius, normal = _measured(doc, x.radius, x.name, "m"), point(doc, x.normal, x.name)
     axis = point(doc, x.axis, x.name)
     about = "" if x.shape == "sphere" else " about its axis {axis}"
-    of = "" if x.carrier == GROUND else f"of {x.carrier} "
+    of = "" if x.carrier == GROUND else f"of {words(x.carrier)} "
     ground = (
         f"the plane {of}normal to {{normal}}" if x.surface is None else f"a surface {of}".strip()
     )
     return runs(
         "{body}, a {shape} of radius {radius}" + about + f", rolls without slip on {ground}",
-        body=x.body,
+        body=words(x.body),
         shape=x.shape,
         radius=radius,
         axis=axis,
@@ -150,9 +151,9 @@ def _distance(doc: Manuscript, x: Distance) -> Runs:
     first, second = (point(doc, entries, x.name) for entries in x.points)
     return runs(
         "the points of {one} at {first} and of {other} at {second} stay apart by {length}",
-        one=x.bodies[0],
+        one=words(x.bodies[0]),
         first=first,
-        other=x.bodies[1],
+        other=words(x.bodies[1]),
         second=second,
         length=_measured(doc, x.length, x.name, "m"),
     )
@@ -195,8 +196,8 @@ def _point_spring(doc: Manuscript, x: PointSpring) -> Runs:
     return runs(
         "spring between {one} and {other}: stiffness {stiffness}, length {length}, damping "
         "{damping}",
-        one=x.bodies[0],
-        other=x.bodies[1],
+        one=words(x.bodies[0]),
+        other=words(x.bodies[1]),
         stiffness=_measured(doc, x.stiffness, x.name, "N/m"),
         length=_measured(doc, x.length, x.name, "m"),
         damping=_measured(doc, x.damping, x.name, r"N\,s/m"),
@@ -206,7 +207,7 @@ def _point_spring(doc: Manuscript, x: PointSpring) -> Runs:
 def _tension(doc: Manuscript, x: Tension) -> Runs:
     return runs(
         "pull along the path {path}: {tension} N",
-        path=x.path.name,
+        path=words(x.path.name),
         tension=doc.formula(x.tension, x.name),
     )
 
@@ -215,10 +216,10 @@ def _contact(doc: Manuscript, x: Contact) -> Runs:
     return runs(
         "contact of {body}, a {shape}, with {what} of {carrier}: stiffness {stiffness}, damping "
         "{damping}, friction {friction}, smoothed below {smoothing} m/s",
-        body=x.body,
+        body=words(x.body),
         shape=x.shape,
         what="a plane" if x.surface is None else "a surface",
-        carrier=x.carrier,
+        carrier=words(x.carrier),
         stiffness=_measured(doc, x.stiffness, x.name, "N/m"),
         damping=_measured(doc, x.damping, x.name, "s/m"),
         friction=doc.formula(x.friction, x.name),
@@ -229,7 +230,7 @@ def _contact(doc: Manuscript, x: Contact) -> Runs:
 def _force(doc: Manuscript, x: Force) -> Runs:
     return runs(
         "force on {body} at {point}: {force} N in {axes}",
-        body=x.body,
+        body=words(x.body),
         point=point(doc, x.point, x.name),
         force=point(doc, x.components, x.name),
         axes=_axes(x),
@@ -239,7 +240,7 @@ def _force(doc: Manuscript, x: Force) -> Runs:
 def _torque(doc: Manuscript, x: Torque) -> Runs:
     return runs(
         "torque on {body}: {torque} N·m in {axes}",
-        body=x.body,
+        body=words(x.body),
         torque=_vector(doc, x.components, x.name),
         axes=_axes(x),
     )
@@ -248,7 +249,7 @@ def _torque(doc: Manuscript, x: Torque) -> Runs:
 def _exhaust(doc: Manuscript, x: Exhaust) -> Runs:
     return runs(
         "matter leaves {body} at {point} with {velocity} m/s relative to it, in its own axes",
-        body=x.body,
+        body=words(x.body),
         point=point(doc, x.point, x.name),
         velocity=point(doc, x.velocity, x.name),
     )
@@ -278,7 +279,7 @@ def _field(doc: Manuscript, name: str, value: Any) -> Runs:
     """One field of a declaration; nothing where it is neither a name nor a quantity."""
     label = name.replace("_", " ")
     if name in NAMES:
-        return (Text(value if isinstance(value, str) else ", ".join(value)),)
+        return (Text(words(value if isinstance(value, str) else ", ".join(value))),)
     if name in UNSAID:
         return ()
     if isinstance(value, Expression):

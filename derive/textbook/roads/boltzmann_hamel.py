@@ -13,6 +13,7 @@ from derive.textbook.coefficients import Coefficients
 from derive.textbook.forces import active, along, solved
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.methods import nonideal
+from derive.textbook.names import words
 from derive.textbook.projected import final
 from derive.textbook.records import Math, Runs, Text
 from derive.textbook.roads.records import Road
@@ -69,7 +70,7 @@ def _indices(doc: Manuscript, found: Coefficients) -> list[tuple[Runs, ...]]:
     ]
     for k, (name, kind) in enumerate(_constraint_rows(doc)):
         index = found.free + k + 1
-        rows.append(((Text(str(index)),), (Text(f"row {name}"),), (Text(f"fixed, {kind}"),)))
+        rows.append(((Text(str(index)),), (Text(f"row {words(name)}"),), (Text(f"fixed, {kind}"),)))
     return rows
 
 

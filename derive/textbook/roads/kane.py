@@ -16,6 +16,7 @@ from derive.textbook.forces import active, along, at_quasi_velocities, balance, 
 from derive.textbook.inverse import accelerations
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.methods import nonideal
+from derive.textbook.names import words
 from derive.textbook.projected import final
 from derive.textbook.records import Math
 from derive.textbook.roads.records import Road
@@ -170,9 +171,9 @@ def _of_link(doc: Manuscript, link: Link, partial: ca.SX) -> None:
         return
     labels = ", ".join((r"\omega_" if k < 3 else "v_") + AXES[k % 3] for k in rows)
     i = next(k for k, x in enumerate(doc.system.links) if x is link) + 1
-    doc.say("Of {name}, rows {rows}:", name=link.name, rows=Math(labels))
+    doc.say("Of {name}, rows {rows}:", name=words(link.name), rows=Math(labels))
     doc.matrix(f"partial[{i}]", rf"!J_{{{i}}}", f"J^{{{i}}}", partial[rows, :])
-    doc.mean(rf"!J_{{{i}}}", "partial velocities of {name}", name=link.name)
+    doc.mean(rf"!J_{{{i}}}", "partial velocities of {name}", name=words(link.name))
 
 
 def _acceleration_energy(terms: Terms, wdot: ca.SX) -> ca.SX:

@@ -9,8 +9,8 @@ import casadi as ca
 import sympy
 
 from derive.textbook.forces import column_bias, column_force
-from derive.textbook.layout import Rows
-from derive.textbook.manuscript import Manuscript, sum_of
+from derive.textbook.layout import Rows, sum_of
+from derive.textbook.manuscript import Manuscript
 
 
 class Elimination:

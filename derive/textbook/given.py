@@ -143,7 +143,10 @@ def _joint(doc: Manuscript, x: Joint) -> tuple[Runs, ...]:
 
 def _type(doc: Manuscript, x: Joint) -> Runs:
     """In space with the axis, in the axes of the body that moves."""
-    type_ = f"{x.type}, {x.orientation}" if x.orientation else x.type
+    type_ = x.type
+    if x.orientation:
+        turns = "a quaternion" if x.orientation == "quaternion" else ", ".join(x.orientation)
+        type_ += f", turned by {turns}" if turns == "a quaternion" else f", turning about {turns}"
     if doc.system.model.plane or not joint_type(x.type).needs_axis:
         return (Text(type_),)
     scalar, rotation = doc.system.symbols.scalar, x.at_child.rotation

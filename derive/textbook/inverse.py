@@ -12,7 +12,8 @@ import sympy
 
 from derive.textbook.choice import orthonormal, product_entry
 from derive.textbook.dependent import dependent_columns
-from derive.textbook.manuscript import Manuscript, sum_of
+from derive.textbook.layout import sum_of
+from derive.textbook.manuscript import Manuscript
 from derive.textbook.records import Math
 
 SHORT = 20  # operations of an entry of σ that is printed whole

@@ -65,6 +65,11 @@ def rows_of(entries: Sequence[sympy.Expr], shape: tuple[int, int]) -> Rows:
     return [list(entries[i * m : (i + 1) * m]) for i in range(n)]
 
 
+def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.Expr:
+    """Σ weight · term."""
+    return sympy.Add(*[x * y for x, y in zip(weights, terms)])
+
+
 def short_or_symbol(row: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
     """Entries of a row that are short, and the symbols of the others."""
     return [x if simple(x) else symbol for x, symbol in zip(row, symbols)]

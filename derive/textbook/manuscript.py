@@ -28,6 +28,7 @@ from derive.textbook.layout import (
     rounded,
     rows_of,
     short_or_symbol,
+    sum_of,
     wide_entries,
 )
 from derive.textbook.measure import parts
@@ -495,11 +496,6 @@ def _is_long(lines: Sequence[Line]) -> bool:
     """Whether a display holds more than a reader takes in with the text."""
     total = sum(width("".join(line.right)) for line in lines)
     return len(lines) > MOST_LINES or total > LONG
-
-
-def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.Expr:
-    """Σ weight · term."""
-    return sympy.Add(*[x * y for x, y in zip(weights, terms)])
 
 
 def _much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:

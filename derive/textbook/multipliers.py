@@ -5,7 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import sympy
 
-from derive.textbook.manuscript import Manuscript, sum_of
+from derive.textbook.layout import sum_of
+from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
 from derive.textbook.records import Math, Runs, Text
 

@@ -15,8 +15,8 @@ from derive.textbook.compose import operations
 from derive.textbook.elimination import Elimination
 from derive.textbook.forces import balance, column_bias, column_force
 from derive.textbook.inverse import accelerations
-from derive.textbook.layout import Rows
-from derive.textbook.manuscript import Manuscript, sum_of
+from derive.textbook.layout import Rows, sum_of
+from derive.textbook.manuscript import Manuscript
 from derive.textbook.motion import bias, force_column
 from derive.textbook.names import per_second
 from derive.textbook.records import Math
@@ -146,19 +146,13 @@ def _column(doc: Manuscript, name: str) -> list[sympy.Expr]:
 
 def _solved(doc: Manuscript) -> None:
     """ẇ: a quotient, Cramer's rule for two, elimination for more."""
-    if not {"M_w", "h_w", "f_w"} <= doc.entries.keys():
+    if not {"M_w", "h_w", "f_w"} <= doc.entries.keys() or len(doc.w) > MOST_SPEEDS:
         doc.say(
             "Solved for $!!w$ by a symmetric decomposition, $!M_w=!L\\,!D\\,!L^T$, the equations "
             "of motion are explicit:"
         )
-        residual = doc.terms.wdot - ca.solve(
-            ca.densify(doc.terms.named("M_w")),
-            ca.densify(column_force(doc.terms) - column_bias(doc.terms)),
-        )
+        residual = balance(doc.terms, doc.terms.wdot)
         doc.law("explicit", r"!!w", r"!M_w^{-1}\left(!f_w - !h_w\right)", residual, boxed=True)
-        return
-    if len(doc.w) > MOST_SPEEDS:
-        doc.say("These linear equations are solved by an unrolled $!L\\,!D\\,!L^T$ decomposition.")
         return
     M = doc.entries["M_w"]
     f = [x - y for x, y in zip(_column(doc, "f_w"), _column(doc, "h_w"))]

@@ -36,6 +36,13 @@ def test_no_line_ends_after_a_number_before_a_bracket() -> None:
     assert all(width(piece) > ALONE for piece in pieces)
 
 
+def test_words_that_are_multiplied_have_a_sign_between_them() -> None:
+    words = {A: r"\mathrm{steer\,torque}", B: r"\dot{\mathrm{steer}}", C: "c"}
+    setter = Typesetter(words)
+    assert setter.latex(A * B) == rf"{words[A]} \cdot {words[B]}"
+    assert setter.latex(A * C) == rf"{words[A]} \, c"
+
+
 def test_lists_may_end_a_line_behind_a_comma() -> None:
     assert _breakable(r"x,\; y") == r"x,\; \allowbreak y"
     assert _breakable(r"\left(x,\,y\right)") == r"(x,\,\allowbreak y)"

@@ -15,6 +15,8 @@ CELL = 26  # a wider entry gets a line of its own before the matrix
 COLUMN = 44  # the same where the matrix has one column
 ROW = 46  # a wider matrix shows its widest entries by their symbols: legible at 390 pixels
 SYMBOL = 5  # the width of an entry's symbol, with the gap after it
+MUCH_SHORTER = 0.6  # of the operations over the basic symbols
+WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
 FEW_DIGITS = 6  # of a number in a table
 MOST_DIGITS = 7  # a decimal of more gets a name
 
@@ -68,6 +70,12 @@ def rows_of(entries: Sequence[sympy.Expr], shape: tuple[int, int]) -> Rows:
 def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.Expr:
     """Σ weight · term."""
     return sympy.Add(*[x * y for x, y in zip(weights, terms)])
+
+
+def much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
+    """Whether formulas over names of other terms save enough to be read instead."""
+    total = sum(map(operations, y))
+    return sum(map(operations, x)) < MUCH_SHORTER * total > WORTH_NAMES
 
 
 def short_or_symbol(row: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol]) -> list[sympy.Expr]:

@@ -24,6 +24,7 @@ from derive.textbook.layout import (
     Rows,
     entry_index,
     mark,
+    much_shorter,
     plain,
     rounded,
     rows_of,
@@ -59,14 +60,12 @@ Item = TypeVar("Item")
 
 BROAD = 12  # more columns than this are not shown as a matrix
 MOST_ENTRIES = 4000  # a larger matrix is not read at all
-MUCH_SHORTER = 0.6  # of the operations over the basic symbols
 MOST_READ = 400  # entries of a term that is tried to be read
 MOST_NODES = 60_000  # operations of one
 MOST_ROWS = 40  # of a table that is printed whole
 KEPT = 10  # of a longer one
 LONG = 900  # characters of a display that is folded
 MOST_LINES = 14  # so is one of more lines
-WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
 
 
 class Manuscript:
@@ -343,7 +342,7 @@ class Manuscript:
     def _whole(self, value: ca.SX, most: int) -> list[sympy.Expr] | None:
         """Over the basic symbols, or over everything that has a name where that is much shorter."""
         whole, over_names = self.reader.whole(value, most), self.reader.over_names(value, most)
-        if over_names is not None and (whole is None or _much_shorter(over_names, whole)):
+        if over_names is not None and (whole is None or much_shorter(over_names, whole)):
             return over_names
         return whole
 
@@ -496,8 +495,3 @@ def _is_long(lines: Sequence[Line]) -> bool:
     """Whether a display holds more than a reader takes in with the text."""
     total = sum(width("".join(line.right)) for line in lines)
     return len(lines) > MOST_LINES or total > LONG
-
-
-def _much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
-    total = sum(map(operations, y))
-    return sum(map(operations, x)) < MUCH_SHORTER * total > WORTH_NAMES

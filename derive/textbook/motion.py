@@ -41,6 +41,10 @@ def mass(doc: Manuscript) -> None:
 
 def applied(doc: Manuscript) -> None:
     """Q."""
+    if doc.system.Q.is_zero():
+        doc.vector("Q", "Q", doc.system.Q)
+        doc.say("There are no applied forces: $!Q=!0$.")
+        return
     doc.say("The applied forces, each along its generalized velocity, are:")
     force_column(doc, "Q", "Q", doc.system.Q, r"!Q")
 

@@ -162,7 +162,7 @@ links: $(VENV)/.docs
 book: $(VENV)/.run-time
 	$(HAMEL) book models/*.yaml --title "Mechanisms" -o build/book
 
-# Every page of every model in Chromium, at two widths: build/pages.json; a part of it as in make pages MODELS="four_bar bicycle".
+# Every page of every model and of the gallery in Chromium, at two widths: build/pages.json; a part of it as in make pages MODELS="four_bar bicycle".
 pages: $(VENV)/.test
 	$(BIN)/python benchmarks/pages.py $(MODELS)
 

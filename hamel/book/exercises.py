@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
+from derive.formulations.frames import based
 from derive.mechanics.records import Row
 from derive.textbook.mathml import mathml
 from derive.textbook.names import dotted, per_second, symbol, unit
@@ -61,7 +62,7 @@ def _values(
 
 def _symbol(course: Course, name: str, rate: bool = False) -> Markup:
     """As the formulas have it; quasi-velocities of further charts are spelled."""
-    latex = symbols_of(course.equations).get(name) or symbol(name)
+    latex = symbols_of(based(course.equations)).get(name) or symbol(name)
     return Markup(mathml(dotted(latex) if rate else latex))
 
 

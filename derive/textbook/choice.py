@@ -31,7 +31,10 @@ def choice(doc: Manuscript) -> None:
         return
     _reason(doc)
     _meanings(doc)
-    if orthonormal(doc):
+    if themselves(doc):
+        doc.say("They are the generalized velocities themselves: $!w=!v$ and $!B=!1$.")
+        doc.entries["B"] = doc.exact["B"] = sympy.eye(len(doc.v)).tolist()
+    elif orthonormal(doc):
         _basis(doc)
     else:
         _rows(doc)
@@ -45,10 +48,13 @@ def _reason(doc: Manuscript) -> None:
     what = "combinations of the generalized velocities that need not be rates of anything"
     if nw == 1:
         what = "a combination of the generalized velocities that need not be a rate of anything"
+    every = _counted(nv, "generalized velocity", "generalized velocities")
+    free = f"Of the {every}, {_counted(nv - nw, 'is', 'are')} tied by constraints and "
+    free += f"{_counted(nw, 'is', 'are')} free."
+    if nv == nw:
+        free = "No constraint ties the generalized velocities; all are free."
     doc.say(
-        f"Of the {_counted(nv, 'generalized velocity', 'generalized velocities')}, "
-        f"{_counted(nv - nw, 'is', 'are')} tied by constraints and {_counted(nw, 'is', 'are')} "
-        "free. The free motion is described by "
+        f"{free} The free motion is described by "
         f"{_counted(nw, 'quasi-velocity', 'quasi-velocities')} $!w=!B\\,!v$, {what} "
         "(Kane's generalised speeds). The choice “{name}” was taken because {reason}.",
         name=doc.equations.choice,
@@ -68,6 +74,11 @@ def _meanings(doc: Manuscript) -> None:
 
 def _counted(n: int, one: str, many: str) -> str:
     return f"{n} {one if n == 1 else many}"
+
+
+def themselves(doc: Manuscript) -> bool:
+    """Whether the quasi-velocities are the generalized velocities, in their order."""
+    return doc.w == doc.v
 
 
 def orthonormal(doc: Manuscript) -> bool:
@@ -120,7 +131,8 @@ def product_entry(doc: Manuscript, matrix: str, k: int, column: Sequence[sympy.E
 
 def _pivots(doc: Manuscript) -> None:
     if not doc.equations.pivots:
-        doc.say("No elimination is needed.")
+        if not themselves(doc):
+            doc.say("No elimination is needed.")
         return
     if orthonormal(doc):
         return

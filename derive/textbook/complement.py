@@ -221,7 +221,8 @@ def _pivots(doc: Manuscript, f: _Factors) -> None:
     U, D = f.U, f.D
     doc.law("U D U^T", r"!M", r"!U\,!D\,!U^T", doc.system.M - ca.mtimes([U, ca.diag(D), U.T]))
     doc.say(
-        "The factors have $U_{ij}=!p_i^T!B_{ji}^T!\\psi_j$. The entries of $!D$ are the pivots:"
+        "The factors have $U_{ij}=!p_i^T!B_{ji}^T!\\psi_j$. The entries of $!D$ are the pivots "
+        "$\\hat{m}_i$."
     )
     doc.vector("m_hat", r"\hat{m}", D)
     doc.mean(r"!U,\; !D", "factors of the mass matrix, tip to base, $!M=!U\\,!D\\,!U^T$")

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 import casadi as ca
 import sympy
 
-from derive.textbook.choice import orthonormal, product_entry
+from derive.textbook.choice import orthonormal, product_entry, themselves
 from derive.textbook.dependent import dependent_columns
 from derive.textbook.layout import sum_of
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.records import Math
 
+ALLOWED = "Velocities that the constraints allow"  # the title
 SHORT = 20  # operations of an entry of σ that is printed whole
 
 
@@ -23,8 +24,13 @@ def directions(doc: Manuscript) -> None:
     """v = S w + R c: what every road writes motions in."""
     if doc.equations.generalized_velocities or not doc.w:
         return
-    doc.section("Velocities that the constraints allow")
-    if not doc.terms.has("Y"):
+    if themselves(doc) and not doc.terms.has("Y"):
+        doc.entries["S"] = doc.exact["S"] = sympy.eye(len(doc.v)).tolist()
+        doc.check("S is one", doc.terms.named("S") - ca.SX.eye(len(doc.v)))
+        return
+    tied = doc.terms.has("Y")
+    doc.section(ALLOWED if tied else "Generalized velocities over quasi-velocities")
+    if not tied:
         doc.say(
             "There are no constraint rows, so the generalized velocities are $!v=!S\\,!w$ with "
             "$!S=!B^{-1}$:"
@@ -180,7 +186,8 @@ def accelerations(doc: Manuscript) -> None:
     doc.mean(r"!\sigma", "accelerations where $!!w=!0$, $!!v=!S\\,!!w+!\\sigma$")
     if sigma.is_zero():
         doc.entries["sigma"] = [[sympy.Integer(0)]] * len(doc.v)
-        doc.say("$!S$ is constant, so the accelerations are $!!v=!S\\,!!w$.")
+        if not themselves(doc):
+            doc.say("$!S$ is constant, so the accelerations are $!!v=!S\\,!!w$.")
         return
     zeta = -_along(doc, ca.mtimes(doc.terms.named("B"), doc.system.v))
     turning = not (ca.simplify(zeta).is_zero() or _unit_vector(doc))

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import casadi as ca
 import sympy
 
+from derive.textbook.choice import themselves
 from derive.textbook.compose import operations
 from derive.textbook.elimination import Elimination
 from derive.textbook.forces import balance, column_bias, column_force
@@ -44,6 +45,27 @@ def final(doc: Manuscript) -> None:
         r"!M_w,\; !h_w,\; !f_w",
         "mass matrix, bias and applied force of the quasi-velocities, $!M_w\\,!!w+!h_w=!f_w$",
     )
+    if themselves(doc) and not doc.terms.has("Y"):
+        _terms_from_above(doc)
+    else:
+        _projected_terms(doc)
+    _solved(doc)
+
+
+def _terms_from_above(doc: Manuscript) -> None:
+    """Where S is one."""
+    bias(doc)
+    doc.say("They are those from above: $!M_w=!M$, $!h_w=!h$ and $!f_w=!Q$.")
+    s = doc.system
+    doc.check("M_w law", doc.terms.named("M_w") - s.M)
+    doc.check("h_w law", column_bias(doc.terms) - s.h)
+    doc.check("f_w law", column_force(doc.terms) - s.Q)
+    for name, above in (("M_w", "M"), ("h_w", "h"), ("f_w", "Q")):
+        if above in doc.entries:
+            doc.entries[name] = doc.entries[above]
+
+
+def _projected_terms(doc: Manuscript) -> None:
     M, S = doc.system.M, doc.terms.named("S")
     doc.say("The mass matrix of the quasi-velocities is that of the directions $!S$:")
     doc.law("M_w law", r"!M_w", r"!S^T!M\,!S", doc.terms.named("M_w") - ca.mtimes([S.T, M, S]))
@@ -51,7 +73,6 @@ def final(doc: Manuscript) -> None:
     doc.say("The bias collects what is left where $!!w=!0$, the force what is applied:")
     _column_laws(doc)
     _columns(doc)
-    _solved(doc)
 
 
 def _column_laws(doc: Manuscript) -> None:

@@ -238,7 +238,7 @@ def merged(pieces: Sequence[str], line: float = LINE) -> tuple[str, ...]:
 
 def digits(x: Expr) -> str:
     """The significant digits of a number."""
-    return f"{abs(float(x)):.15e}".partition("e")[0].replace(".", "").rstrip("0")
+    return f"{abs(float(x)):.14e}".partition("e")[0].replace(".", "").rstrip("0")
 
 
 def _raisable(name: str) -> str:

@@ -16,6 +16,7 @@ from codegen import compiler
 from derive.diagnostics import ModelError
 from derive.model import load, load_text
 from hamel.book.chapter import Chapter, Motion, objectives
+from hamel.book.course import course_of
 from hamel.book.exercises import Exercise, number_texts
 from hamel.book.topics import TOPICS, things_of, topic_of
 from hamel.book.writing import CONTENTS, INDEX, PRINT, pages, placed
@@ -136,3 +137,13 @@ def test_solutions_are_those_of_the_verified_module(tmp_path) -> None:
     assert min(abs(v - module.dynamics(0.0, x)[3]) for v in shown) < 1e-4
     assert all(min(abs(v - y) for v in shown) < 1e-4 for y in module.reactions(0.0, x))
     assert not any(abs(v - (module.dynamics(0.0, x)[3] + 0.01)) < 1e-4 for v in shown)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+def test_a_motion_in_charts_with_a_frame_has_its_record() -> None:
+    """Parameters go on with the frame's numbers: the record is of the equations that were
+    integrated."""
+    with course_of(str(MODELS / "waveboard.yaml")) as course:
+        assert course.equations.charts and course.equations.frame
+        assert course.record.position_violation < 1e-6

@@ -27,6 +27,7 @@ from derive.states.sampling import states
 from derive.textbook import html, laws, printed
 from derive.textbook.convert import Reader
 from derive.textbook.derivation import derivation
+from derive.textbook.manuscript import Manuscript
 from derive.textbook.mathml import mathml
 from derive.textbook.names import per_second, symbol, velocity
 from derive.textbook.typeset import Typesetter
@@ -333,6 +334,36 @@ def test_a_model_of_formulas_speaks_of_no_joint_and_no_body():
     assert "Lagrange's equations are as follows" in words and "Newton" not in words
     assert "joint" not in words.split("Energies and forces")[0]
     assert "rod and x give x and x (pivot: cannot vanish)" in words
+
+
+def test_joints_in_space_have_axes_and_bodies_their_meaning():
+    text = (
+        "model: m\ngravity: [0, 0, -9.81 m/s^2]\nparameters: {a: 0.3}\n"
+        "bodies: {big_arm: {mass: 1 kg, inertia: [1, 1, 1], about: it swings}}\n"
+        "joints: {low_hinge: {type: revolute, parent: ground, child: big_arm, axis: y,"
+        " at: {parent: {rpy: [a, 0, 0]}, child: {rpy: [a, 0, 0]}}}}\n"
+    )
+    page = html(equations(system(load_text(text))))
+    words = words_of(page)
+    assert "revolute along x" in words and "it swings" in words and "axes of all are" in words
+    assert "big arm" in words and "low hinge" in words and "big_arm" not in words
+    assert "There are no applied forces: x ." in words.replace("x.", "x .")
+    assert mathml(r"(0,\; \cos a,\; \sin a)") in page
+
+
+def test_velocities_that_are_chosen_as_they_are_need_no_projection():
+    words = words_of(html(derived("double_pendulum", "relative")))
+    assert "They are the generalized velocities themselves" in words
+    assert "They are those from above" in words and "Projection" not in words
+    assert "tied by constraints" not in words
+
+
+def test_what_is_told_once_is_told_once():
+    """Where entries are too long to be printed nothing marks them as printed."""
+    doc = Manuscript(derived("pendulum", "swing"))
+    assert doc.first("accelerations") and not doc.first("accelerations")
+    doc.column = 2
+    assert doc.first("accelerations")
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,12 @@ ROBOTS := build/robots/venv
 TRIALS := build/trials
 BENCH  := build/bench/venv
 TARGETS_VENV := build/targets/venv
-PEERS  := pin example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka
+PEERS  := pin cmeel-eigen example-robot-data mujoco casadi symforce pydy jax numba scipy exudyn heyoka diffrax joblib
 
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report reference gallery docs links book pages live targets target-speed embedded test test-slow lint robots loops growth bench bench-page report-page whole cluster matrix faults fuzz fresh clean
+.PHONY: demo report reference gallery docs links book pages live targets target-speed embedded test test-slow lint types robots loops growth bench bench-page report-page whole sweeps cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -44,8 +44,11 @@ test-slow: $(VENV)/.test
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
 	$(BIN)/lint-imports
+
+# Types, strict in derive and codegen: two minutes of one core, so continuous integration runs them beside `make test`.
+types: $(VENV)/.test
+	$(BIN)/pyright
 
 # Import every robot of example-robot-data (431 MB, in an environment of its own) and compare with Pinocchio and MuJoCo.
 robots: $(ROBOTS)/.ready
@@ -100,10 +103,16 @@ gallery: $(VENV)/.run-time
 report-page: $(VENV)/.test
 	$(BIN)/python benchmarks/report_page.py
 
-# Whole simulations to an error of 1e-8 at the end, beside a plain C loop, CasADi's, CVODES, IDAS, SciPy and Exudyn: ten minutes.
+# Whole simulations to an error of 1e-8 at the end, beside a plain C loop, CasADi's, CVODES, IDAS, SciPy and Exudyn; one motion to
+# three errors beside heyoka; and thousands at a time beside heyoka, diffrax, SciPy and MuJoCo: half an hour.
 whole: $(BENCH)/.ready
 	$(BENCH)/bin/python benchmarks/whole.py
 	$(BENCH)/bin/python benchmarks/trajectories.py
+	$(BENCH)/bin/python benchmarks/ensembles.py
+
+# How near a sweep comes to the bare lane kernel, what a chunk costs, dask, and motions per second beside joblib and MuJoCo.
+sweeps: $(BENCH)/.ready
+	$(BENCH)/bin/python benchmarks/sweeps.py --dask --peers
 
 # A sweep on a dask scheduler of this machine whose workers and scheduler are killed, compared byte by byte with an undisturbed
 # one; writes build/cluster.json.
@@ -132,9 +141,8 @@ trials:
 
 $(BENCH)/.ready: pyproject.toml
 	@echo "installing hamel and its peers ($(PEERS)) into $(BENCH)"
-	@test -d /usr/include/eigen3 || echo "Eigen's headers are missing, so Pinocchio and SymForce are left out: apt install libeigen3-dev"
 	@$(PYTHON) -m venv --clear $(BENCH)
-	@$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable . $(PEERS)
+	@$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[cluster]' $(PEERS)
 	@touch $@
 
 $(TARGETS_VENV)/.ready: pyproject.toml

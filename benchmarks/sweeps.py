@@ -1,7 +1,7 @@
 """How near a sweep comes to the bare lane kernel, what a chunk costs besides, and how many tasks a
 dask scheduler hands out: build/sweeps.json. Everything is measured side by side, the least of several.
 
-    python benchmarks/sweeps.py [--dask]
+    python benchmarks/sweeps.py [--dask] [--peers]
 """
 
 from __future__ import annotations
@@ -13,10 +13,14 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import ensembles
 import numpy as np
+from peers.contest import BUILD
+from peers.ensembles import by_processes, one_by_one, rolled_out
 
 from hamel.engines import Engine, engine
 from hamel.simulate.compiled import Rows
@@ -85,6 +89,28 @@ def least(times: int, *calls: Callable[[], float]) -> list[float]:
     return [min(column) for column in zip(*rounds)]
 
 
+def beside_peers(by: Engine) -> dict[str, float]:
+    """Motions per second of a sweep over those of others on as many cores: two pendulums for 5 s,
+    each to an error of 1e-8 at its end."""
+    place = ensembles.Place(ensembles.SCENES[0])
+    span, most = place.site.scene.span, ensembles.PYTHON
+    mine = ensembles.fastest([ensembles.tuned(each, place) for each in place.ours()], most)
+    assert mine is not None
+    integrator, rtol = mine.ensemble.peer.partition(",")[0], 10.0**mine.setting
+    method = replace(METHOD, integrator=integrator, rtol=rtol)
+    vary = {f"q{i}": f"uniform({x - 0.02}, {x + 0.02})" for i, x in enumerate(place.site.x[:2])}
+    sampling = Sampling(ensembles.MANY, "random", 0)
+    asked = Asked(vary, (), ["state"], sampling, method, Rows(span), chunk=1024)
+    of = planned(BUILD / "whole" / "chain2.yaml", asked)
+    own = min(swept(of, by) for _ in range(3)) / ensembles.MANY
+    alone = one_by_one(place.folder, place.site.u, span)
+    ratios: dict[str, float] = {}
+    for peer in (by_processes(alone, CORES), rolled_out(2, span, CORES)):
+        best = ensembles.tuned(peer, place, 8 * CORES)[most]
+        ratios[peer.peer] = best.seconds / own
+    return ratios
+
+
 def nothing(number: int) -> int:
     """A task without work."""
     return number
@@ -104,17 +130,19 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--dask", action="store_true", help="also dask with a worker a core")
     arguments.add_argument("--rounds", type=int, default=3)
+    arguments.add_argument("--peers", action="store_true", help="also joblib and MuJoCo")
     asked = arguments.parse_args()
     warnings.simplefilter("ignore")
     found: dict[str, Any] = {"cores": CORES}
-    long, short = plan(4096, 512, 5.0), plan(512, 8, 1e-3)
+    long, short, more_short = plan(4096, 1024, 5.0), plan(512, 8, 1e-3), plan(4096, 8, 1e-3)
     with engine("here", CORES) as here:
         kernel, sweep = least(asked.rounds, bare(long), lambda: swept(long, here))
         found["motions_per_second_bare"] = 4096 / kernel
         found["here_of_bare"] = kernel / sweep
         found["chunk_seconds"] = sweep * CORES / long.chunks
-        one = least(asked.rounds, lambda: swept(short, here))[0]
-        found["chunk_overhead_ms"] = 1e3 * one / short.chunks
+        few, many = least(asked.rounds, lambda: swept(short, here), lambda: swept(more_short, here))
+        found["chunk_overhead_ms"] = 1e3 * (many - few) / (more_short.chunks - short.chunks)
+        found["start_seconds"] = few - short.chunks * found["chunk_overhead_ms"] / 1e3
         found["bytes_a_motion"] = _bytes(long, here)
         found["job_bytes"] = len(payload(long.jobs[0])[1])
     if asked.dask:
@@ -123,6 +151,9 @@ def main() -> None:
             there, sweep = least(asked.rounds, lambda: swept(long, dask), lambda: swept(long, here))
             found["dask_of_here"] = sweep / there
             found["dask_tasks_per_second"] = tasks_per_second(dask)
+    if asked.peers:
+        with engine("here", CORES) as here:
+            found["times_as_many_motions"] = beside_peers(here)
     (ROOT / "build" / "sweeps.json").write_text(json.dumps(found, indent=1) + "\n")
     print(json.dumps(found, indent=1))
 

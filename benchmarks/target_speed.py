@@ -11,19 +11,17 @@ from __future__ import annotations
 
 import ctypes
 import importlib
-import itertools
 import json
-import re
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
+from peers import pure_jax
 
 from codegen import compiler, loader
 from hamel.build.module import published
@@ -162,7 +160,7 @@ def jax(built: Built) -> dict[str, float]:
     random = np.random.default_rng(0)
     states = built.x + 1e-3 * random.normal(size=(STATES, len(built.x)))
     call = package.jit(package.vmap(functions.dynamics, (None, 0, None, None)))
-    pure = package.jit(_pure(built, package.numpy))
+    pure = package.jit(pure_jax.dynamics(built.folder, package.numpy))
     given = (np.zeros(()), states, built.u, built.p)
     t, device, u, p = map(package.numpy.asarray, given)
     expected = built.module.dynamics(0.0, *given[1:])
@@ -175,23 +173,6 @@ def jax(built: Built) -> dict[str, float]:
     )
     (theirs,) = least(lambda: pure(device, u, p).block_until_ready())
     return {"JAX custom call / batch": ours / batch, "JAX custom call / pure JAX": ours / theirs}
-
-
-def _pure(built: Built, numpy: ModuleType) -> Callable[..., Any]:
-    """The statements of the NumPy backend in jax.numpy, over leading axes."""
-    source = (built.folder / "_numpy.py").read_text("utf-8")
-    body = re.search(r"^def _dynamics\(.*?(?=^def |\Z)", source, re.DOTALL | re.MULTILINE)
-    assert body
-    lines = body[0].replace("np.", "jnp.").splitlines()[1:]
-    kept = [re.sub(r"out\[\.\.\., (\d+)\]", r"out[\1]", line) for line in lines]
-    kept = list(itertools.takewhile(lambda line: "_status(" not in line, kept))
-    text = "\n".join(["def dynamics(x, u, p):", "    t, out = 0.0, {}", *kept])
-    text += (
-        "\n    return jnp.stack([jnp.broadcast_to(out[k], x.shape[:-1]) for k in sorted(out)], -1)"
-    )
-    space: dict[str, Any] = {"jnp": numpy}
-    exec(text, space)  # our own generated text
-    return space["dynamics"]
 
 
 def casadi(built: Built) -> dict[str, float]:

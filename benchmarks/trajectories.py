@@ -209,7 +209,11 @@ def main(names: Sequence[str]) -> int:
 def _kept(scene: Scene, found: Sequence[dict[str, Any]]) -> None:
     """Beside the other rows of build/whole.json."""
     before = json.loads(OUT.read_text()) if OUT.exists() else []
-    others = [row for row in before if row["model"] != scene.name or "function" not in row]
+    others = [
+        row
+        for row in before
+        if row["model"] != scene.name or not row.get("function", "").startswith("one motion")
+    ]
     OUT.parent.mkdir(exist_ok=True)
     OUT.write_text(json.dumps([*others, *found], indent=1, ensure_ascii=False) + "\n")
 

@@ -27,7 +27,10 @@ PLAIN = (
     "-O2",
     *NATIVE,
 )  # what users of other generators call; they are also compiled with all flags of ours
-CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+GIVEN = (
+    os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
+)
+CORES = len(GIVEN)
 LIMITED = ("sh", "-c", 'ulimit -t 900; exec "$@"', "sh")  # s of processor time at most for one file
 DRIVING = 300.0  # s at most for all contenders of one scene
 _turns = threading.BoundedSemaphore(CORES)  # compilers that run at the same time
@@ -263,7 +266,7 @@ def _results(folder: Path, label: str, contender: Contender) -> np.ndarray:
     )
 
 
-def pinned() -> None:
-    """This process and its children on one core."""
+def pinned(cores: int = 1) -> None:
+    """This process and its children on so many of the cores that it was given."""
     if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+        os.sched_setaffinity(0, set(sorted(GIVEN)[-cores:]))

@@ -216,8 +216,6 @@ def _code(by: Path, tree: Path) -> Path:
 
 def _check_headers() -> None:
     if not EIGEN.exists():
-        raise Unavailable(
-            "Eigen's headers are missing: apt install libeigen3-dev, or pip install cmeel-eigen"
-        )
+        raise Unavailable("Eigen's headers are missing: pip install cmeel-eigen")
     if not (SITE / "cmeel.prefix/include/pinocchio").exists():
         raise Unavailable("Pinocchio's headers are missing: pip install pin")

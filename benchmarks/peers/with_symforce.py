@@ -12,6 +12,7 @@ import numpy as np
 
 from peers.casadi_c import Read
 from peers.contest import BUILD, NATIVE, Contender, Unavailable, compiled
+from peers.pinocchio import EIGEN
 
 LOOP = """#include "{name}.h"
 extern "C" int bench_open(const char *argument) {{ return argument == 0; }}
@@ -41,7 +42,7 @@ def contender(tree: Path, inputs: np.ndarray, size: int, read: Read) -> list[Con
         *NATIVE,
         "-ffast-math",
         "-isystem",
-        "/usr/include/eigen3",
+        str(EIGEN),
         f"-I{header.parent}",
     ]
     library = compiled(f"{tree.stem}-symforce", {loop: flags})

@@ -40,6 +40,8 @@ def _check_constants(reader: Reader, model: str, places: list[tuple[str, str, Sp
 def _check_distinct(reader: Reader, places: list[tuple[str, str, Span]]) -> None:
     seen: dict[str, tuple[str, str, Span]] = {}
     for kind, name, span in places:
+        if not name.isascii():
+            continue  # no name, which is said where it stands
         mapped = identifier(name)
         if mapped in seen:
             other, first, place = seen[mapped]

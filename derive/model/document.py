@@ -327,7 +327,9 @@ class _Builder:
         )
         if not isinstance(node, Scalar):
             self.source.refuse(
-                _span(event, self.source.number), "a list or a mapping as a key", "a name"
+                _span(event, self.source.number),
+                "a list or a mapping as a key",
+                "a name; a formula with brackets within { } stands in quotes",
             )
         return Key(node.text, node.span)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import keyword
 import re
 import sys
+import unicodedata
 
 from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS
 
@@ -48,6 +49,17 @@ def identifier(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9]", "_", name)
 
 
+def _spelled(name: str) -> str:
+    """How a name that is one Greek letter may be written."""
+    about = unicodedata.name(name, "") if len(name) == 1 else ""
+    letter = re.match(r"GREEK (?:SMALL|CAPITAL) LETTER (\w+)\Z", about)
+    if letter is None:
+        return ""
+    word = letter[1].lower().replace("lamda", "lambda")
+    plain = "lam" if word == "lambda" else word
+    return f"; {plain} with `symbol: \\{word}` is shown as {name}"
+
+
 def objection(name: str) -> tuple[str, str] | None:
     """Why a name cannot be used and what was expected, or None."""
     if re.match(r"[0-9]+ *[a-zA-Z/*^]*\Z", name):
@@ -55,7 +67,7 @@ def objection(name: str) -> tuple[str, str] | None:
     if not _WORD.match(name) or len(name) > LONGEST:
         return (
             f"{name[:LONGEST]!r} is not a name",
-            f"a letter, then letters, digits and underscores, at most {LONGEST}",
+            f"a letter, then letters, digits and underscores, at most {LONGEST}{_spelled(name)}",
         )
     if "__" in name or name.endswith("_"):
         return (

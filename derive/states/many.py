@@ -24,6 +24,7 @@ from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS
 
 EXACT = 1e-14  # |A v − c| against 1 + |v| that needs no correction
 ROUGHLY = 1e-6  # the same, of a step that another one follows
+BLOCK = 64  # states that CasADi is given at a time
 SOLVED = 1e-13  # relative residual up to which the normal equations have solved A x = b
 
 
@@ -57,6 +58,7 @@ class Starter:
     units: Mapping[str, float]  # one of each in SI
     parameters: np.ndarray  # one of each of p in SI
     formulas: ca.Function  # (t, p) → the values of `initial`, in SI
+    varied: bool  # whether these depend on p
     positions: ca.Function | None  # (t, q, p) → φ, ∂φ/∂q; None where there is no φ
     rows: ca.Function  # (t, q, p) → A, c
     rates: ca.Function | None  # (t, q, p) → N; None where it is one
@@ -97,7 +99,8 @@ class Starter:
     def _given(self, p: np.ndarray) -> dict[str, np.ndarray]:
         if not self.initial:
             return {}
-        values = self.formulas(np.full((1, len(p)), self.t), p.T).full()
+        motions = p if self.varied else p[:1]  # numbers are the same for all
+        values = self.formulas(np.full((1, len(motions)), self.t), motions.T).full()
         return {name: row / self.one_of(name) for name, row in zip(self.initial, values)}
 
     def _positions(
@@ -134,7 +137,7 @@ class Starter:
         zero, k = np.zeros(len(p)), len(p)
         guesses = [np.broadcast_to(given.get(name, zero), k) for name in self.velocities]
         guess = np.stack(guesses, axis=1)
-        A, c = matrices(self.rows, t, q, p)
+        A, c = Matrices(self.rows)(t, q, p)
         c = c[:, :, 0]
         rows, values = self._held_rows(t, given, q, p)
         both = np.concatenate([A, rows], axis=1)
@@ -163,7 +166,7 @@ class Starter:
         names = [name for name in given if name in self.held and name in {*rates, *velocities}]
         by_rates = np.broadcast_to(np.eye(nv), (k, nv, nv))
         if self.rates is not None and any(name in rates for name in names):
-            by_rates = matrices(self.rates, t, q, p)[0]
+            by_rates = Matrices(self.rates)(t, q, p)[0]
         rows = np.zeros((k, len(names), nv))
         for i, name in enumerate(names):
             if name in rates:
@@ -174,7 +177,7 @@ class Starter:
         return rows, np.stack(values, axis=1) if names else np.zeros((k, 0))
 
     def _rates(self, t: np.ndarray, q: np.ndarray, v: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return v if self.rates is None else _applied(matrices(self.rates, t, q, p)[0], v)
+        return v if self.rates is None else _applied(Matrices(self.rates)(t, q, p)[0], v)
 
     def _moved(
         self,
@@ -205,6 +208,7 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
     place = [s.t, s.q, s.own_p]
     unmoved = s.N.is_square() and bool((s.N - ca.SX.eye(s.N.size1())).is_zero())
     slopes = ca.jacobian(s.phi, s.q)
+    formulas = _formulas(system)
     return Starter(
         names=tuple(names),
         coordinates=tuple(c.name for c in model.coordinates),
@@ -216,10 +220,13 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
         own_t=own.t,
         units=own.units,
         parameters=own.parameters[: len(system.own_parameters)],
-        formulas=_formulas(system),
-        positions=ca.Function("phi", place, [s.phi, slopes]) if s.phi.numel() else None,
-        rows=ca.Function("rows", place, [s.A, s.c]),
-        rates=None if unmoved else ca.Function("rates", place, [s.N]),
+        formulas=formulas,
+        varied=formulas.jac_sparsity(0, 1).nnz() > 0,
+        positions=ca.Function("phi", place, [ca.densify(s.phi), ca.densify(slopes)])
+        if s.phi.numel()
+        else None,
+        rows=ca.Function("rows", place, [ca.densify(s.A), ca.densify(s.c)]),
+        rates=None if unmoved else ca.Function("rates", place, [ca.densify(s.N)]),
         states=states,
         charges=_charges(system) if states else None,
     )
@@ -240,15 +247,38 @@ def _formulas(system: System) -> ca.Function:
     return ca.Function("initial", [system.t, system.own_p], [ca.densify(column)])
 
 
-def matrices(
-    function: ca.Function, t: np.ndarray, q: np.ndarray, p: np.ndarray
-) -> list[np.ndarray]:
-    """The results of a function at k states, k × rows × columns each."""
-    k = len(t)
-    values = function.call([t.reshape(1, k), q.T, p.T])
-    return [
-        x.full().reshape(x.size1(), k, x.size2() // max(k, 1)).transpose(1, 0, 2) for x in values
-    ]
+class Matrices:
+    """A function of (t, q, p) with dense results, at many states.
+
+    BLOCK states at a time and without CasADi's matrices in between, whose making takes longer than
+    the numbers: a column of theirs is a row of ours in memory.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self.buffer, self.evaluate = function.map(BLOCK).buffer()
+        places = range(function.n_out())
+        self.shapes = [(function.size2_out(i), function.size1_out(i)) for i in places]
+
+    def __call__(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
+        """The results at k states, k × rows × columns each."""
+        given = [_whole_blocks(x) for x in (t.reshape(len(t), 1), q, p)]
+        results = [np.zeros((len(given[0]), *shape)) for shape in self.shapes]
+        for first in range(0, len(given[0]), BLOCK):
+            block = slice(first, first + BLOCK)
+            for i, x in enumerate(given):
+                self.buffer.set_arg(i, x[block].data)
+            for i, x in enumerate(results):
+                self.buffer.set_res(i, x[block].data)
+            self.evaluate()
+        return [x[: len(t)].transpose(0, 2, 1) for x in results]
+
+
+def _whole_blocks(rows: np.ndarray) -> np.ndarray:
+    """The rows, and zeros until BLOCK divides their number."""
+    count = len(rows)
+    whole = np.zeros((count + -count % BLOCK, rows.shape[1]))
+    whole[:count] = rows
+    return whole
 
 
 def closed_many(
@@ -258,8 +288,9 @@ def closed_many(
     which have come there."""
     q, done = start.copy(), np.zeros(len(start), dtype=bool)
     alive = np.arange(len(start))
+    matrices = Matrices(positions)
     for _ in range(NEWTON):
-        phi, J = matrices(positions, t[alive], q[alive], p[alive])
+        phi, J = matrices(t[alive], q[alive], p[alive])
         phi = phi[:, :, 0]
         finite = np.isfinite(phi).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
         scale = 1.0 + np.max(np.abs(q[alive]), axis=1, initial=0.0)

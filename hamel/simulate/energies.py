@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hamel.simulate.limits import ROUNDING
+
 
 def total_energy(energies: np.ndarray) -> np.ndarray:
     """What the power changes, of rows of the function `energy`: Jacobi's integral T₂ − T₀ + V where
@@ -18,8 +20,18 @@ def energy_error(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     counts from wherever it likes)."""
     T, V, work = columns["T"], columns["V"], columns["work"]
     total = columns.get("jacobi", T + V)
-    scale = max(np.max(np.abs(T)), np.ptp(V), np.max(np.abs(work)))
-    return (total - total[0] - work) / scale if scale > 0 else np.zeros_like(total)
+    return relative(total - total[0] - work, T, V, work)
+
+
+def relative(off: np.ndarray, T: np.ndarray, V: np.ndarray, work: np.ndarray) -> np.ndarray:
+    """`off` in terms of the largest energy exchanged along the last axis; 0 where nothing but the
+    rounding of V is exchanged, as of a structure at rest."""
+    highest = np.max(np.abs(V), axis=-1)
+    sizes = (np.max(np.abs(T), axis=-1), np.ptp(V, axis=-1), np.max(np.abs(work), axis=-1))
+    exchanged = np.maximum.reduce(sizes)
+    moves = exchanged > ROUNDING * highest
+    scale = np.where(moves, exchanged, np.inf)
+    return off / (scale[..., None] if off.ndim > scale.ndim else scale)
 
 
 def largest_error(columns: Mapping[str, np.ndarray]) -> float:

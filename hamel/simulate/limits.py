@@ -36,6 +36,9 @@ FIRST = Fraction(1, 2**10)  # s, of the first step; it grows eightfold where tha
 UNCHECKED = 1e10  # the absolute tolerance of multipliers
 MOST_LIBRARY_STEPS = 10_000_000
 
+# energies
+ROUNDING = 64 * 2.0**-52  # of |V|: what is exchanged below that is the rounding of V
+
 # figure
 ALIKE = 10.0  # curves whose sizes differ by more are drawn apart
 

@@ -128,11 +128,20 @@ def _columns(source: Source, simulation: Simulation, groups: Mapping[str, Column
         **groups["quasi-velocities"],
         **_labelled(source, simulation, "velocity"),
         **groups["states"],
+        **_constant_inputs(source, simulation),
         **groups["inputs"],
         **groups["outputs"],
     }
     shares = {"T": energies[:, 0], "V": energies[:, 1], **integral, "work": simulation.work}
     return {"t": simulation.t, **motion, **shares, **_violations(source, simulation)}
+
+
+def _constant_inputs(source: Source, simulation: Simulation) -> Columns:
+    """Inputs that do not change belong to the data all the same: `hamel identify` reads them."""
+    return {
+        name: np.full(len(simulation.t), float(value))
+        for name, value in zip(source.module.inputs, source.u)
+    }
 
 
 def _violations(source: Source, simulation: Simulation) -> Columns:

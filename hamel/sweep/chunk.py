@@ -19,6 +19,7 @@ from derive.linearize.steady import motion_of
 from derive.linearize.study import Study, study
 from derive.model import load_text
 from hamel.build.stages import mechanics_of
+from hamel.simulate.energies import relative
 from hamel.sweep.job import Job, Modes, Motions
 from hamel.sweep.kept import Kept, evaluated
 from hamel.sweep.linear import equations_in
@@ -205,10 +206,8 @@ class Run:
         energy, work = self._called("energy"), self.found.work
         T, V = energy[:, :, 0], energy[:, :, 1]
         total = energy[:, :, 2] if energy.shape[2] > 2 else T + V
-        sizes = (np.max(np.abs(T), axis=1), np.ptp(V, axis=1), np.max(np.abs(work), axis=1))
-        scale = np.maximum.reduce(sizes)
         off = np.max(np.abs(total - total[:, :1] - work), axis=1)
-        return np.where(scale > 0, off / np.where(scale > 0, scale, 1.0), 0.0)
+        return relative(off, T, V, work)
 
 
 def _run(work: Motions, module: ModuleType, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> Run:

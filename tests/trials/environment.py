@@ -35,6 +35,7 @@ ROBOTS = ROOT / "tests" / "robots"
 LIMIT = 180.0  # seconds of one process
 PROCESSES = int(os.environ.get("PROCESSES", "2"))
 KILLED = -1000
+EXTRAS = "sweep,identify"
 PATHS: dict[str, str] = {}  # more variables for every process; none where hamel is installed
 
 # What a library says and a user must never read. hamel's own warnings are sentences without these
@@ -331,7 +332,8 @@ atexit.register(shutil.rmtree, HOME, ignore_errors=True)
 
 
 def install(folder: Path) -> None:
-    """Build the wheel of this checkout and install it into the empty environment FOLDER/venv."""
+    """Build the wheel of this checkout and install it into the empty environment FOLDER/venv, with
+    what `hamel sweep` and `hamel identify` ask for."""
     home, dist = folder / "venv", folder / "dist"
     wanted = (ROOT / "pyproject.toml").read_text()
     stamp = home / "pyproject.toml"
@@ -341,7 +343,7 @@ def install(folder: Path) -> None:
     shutil.rmtree(dist, ignore_errors=True)
     subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", str(dist), str(ROOT)], check=True)
     (wheel,) = dist.glob("*.whl")
-    subprocess.run([*pip, "install", str(wheel)], check=True)
+    subprocess.run([*pip, "install", f"{wheel}[{EXTRAS}]"], check=True)
     subprocess.run([*pip, "install", "--no-deps", "--force-reinstall", str(wheel)], check=True)
     stamp.write_text(wanted)
 

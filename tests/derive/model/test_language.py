@@ -544,3 +544,21 @@ joints: {j: {type: prismatic, parent: ground, child: a, axis: x, coordinate: s, 
 steady_motion: {even: {der(s): speed, sweep: {speed: [2*1 m/s, 5 m/s]}}}
 """
     assert load_text(text, "slide.yaml").steady_motions[0].ranges == (("speed", 2.0, 5.0, 101),)
+
+
+def test_a_greek_letter_is_told_how_to_be_written(tmp_path):
+    """Two of them do not become one name in generated code: neither is a name."""
+    text = """model: m
+plane: xy
+parameters: {λ: 1 m}
+bodies: {a: {mass: 1 kg, com: [0.1 m, 0], inertia: 0.01 kg*m^2}}
+joints: {j: {type: revolute, parent: ground, child: a, coordinate: φ}}
+"""
+    path = tmp_path / "m.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ModelError) as caught:
+        load(path)
+    said = [(d.message, d.expected) for d in caught.value.diagnostics]
+    assert [message for message, _ in said] == ["'λ' is not a name", "'φ' is not a name"]
+    assert r"lam with `symbol: \lambda` is shown as λ" in said[0][1]
+    assert r"phi with `symbol: \phi` is shown as φ" in said[1][1]

@@ -96,7 +96,13 @@ ERRORS = [
         "one model per file",
         "",
     ),
-    ("mapping_as_key", "model: a\n? «[1, 2]\n: 3\n", "a list or a mapping as a key", "a name", ""),
+    (
+        "mapping_as_key",
+        "model: a\n? «[1, 2]\n: 3\n",
+        "a list or a mapping as a key",
+        "stands in quotes",
+        "",
+    ),
     ("deep", "model: " + "[" * 32 + "«[", "the file is nested too deeply", "at most 32 levels", ""),
     (
         "control_character",

@@ -1,7 +1,8 @@
 """The controllers in examples/: computed torque in C, operational space on an arm, passivity on a
-delta robot, predictive control of the cart and pole. Each does what its theory says."""
+delta robot, predictive control of a tree and of a loop. Each does what its theory says."""
 
 import importlib.util
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -17,7 +18,7 @@ pytestmark = pytest.mark.slow
 def example(name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, ROOT / "examples" / f"{name}.py")
     assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
@@ -57,10 +58,21 @@ def test_the_storage_of_the_delta_falls_as_fast_as_damping_takes_it(tmp_path: Pa
 
 
 def test_predictive_control_swings_the_pole_up_and_holds_it():
-    path = example("nmpc_cart_pole").main()
+    nmpc = example("nmpc_swing_up")
+    path = nmpc.swing_up(nmpc.CART_POLE)[1]
     assert np.abs(path[0, 1]) == pytest.approx(np.pi)
     assert np.abs(1 - np.cos(path[-20:, 1])).max() < 1e-3
     assert np.abs(path[-1, 0]) < 0.05
+
+
+def test_predictive_control_swings_a_closed_loop_up_and_holds_it():
+    """From the lowest position of the four-bar to its highest, with less torque than gravity takes
+    on the way."""
+    nmpc = example("nmpc_swing_up")
+    path = nmpc.swing_up(nmpc.FOUR_BAR)[1]
+    assert np.abs(path[0, 0] - nmpc.HIGHEST) > 2.9
+    assert np.abs(1 - np.cos(path[-20:, 0] - nmpc.HIGHEST)).max() < 1e-6
+    assert np.abs(path[-20:, 3]).max() < 1e-3
 
 
 @pytest.mark.slow

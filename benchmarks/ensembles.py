@@ -1,0 +1,335 @@
+"""make whole, third part: thousands of motions at a time, each to three errors at its end, beside
+heyoka's batch mode, our own scalar loop, diffrax, SciPy and MuJoCo; what threads and the estimate of
+the error cost. Into build/whole.json.
+
+    python benchmarks/ensembles.py [MODEL …]
+
+Everybody gets the tolerance that meets the error in the least time. The error is that of the states
+at the end of the first motions against solutions of many digits, relative to the largest coordinate
+or velocity, and to one at least. One core but where threads are compared.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import trajectories
+from peers import ensembles, series
+from peers.contest import BUILD, CORES, Unavailable, pinned
+from peers.ensembles import Ensemble
+from trajectories import ERRORS, OUT, OWN, Scene, Site
+
+import hamel
+from codegen.passes import program
+from hamel.simulate.exact import Problem, solution
+
+MANY, CHECKED, TRIED = 4096, 3, 256  # motions; those compared with many digits; for the settings
+ROUNDS = 5
+INTEGRATORS = ("dop853", "verner9")
+LANES, SCALAR = "heyoka, batch mode", "our scalar loop"
+PYTHON = 1e-8  # the error at which peers from Python are compared
+
+
+@dataclass(frozen=True)
+class Many:
+    """A scene for many motions, and the most that ours may take of each peer's time."""
+
+    scene: Scene
+    targets: dict[str, tuple[float, float, float]]
+
+
+SCENES = tuple(
+    Many(scene, targets)
+    for scene, targets in (
+        (Scene("chain2", 5.0, {}, {}, 2), {OWN: (0.30, 0.30, 0.30), "program": (0.4, 0.4, 0.4)}),
+        (Scene("chain5", 2.0, {}, {}, 5), {OWN: (0.11, 0.11, 0.11), "program": (0.2, 0.2, 0.2)}),
+        (trajectories.SCENES[2], {"program": (0.22, 0.22, 0.22)}),
+        (trajectories.SCENES[3], {"program": (0.32, 0.32, 0.32)}),
+        (Scene("andrews", 0.03, {}, {}), {}),
+        (Scene("bicycle", 1.0, {}, {}), {}),
+    )
+)
+
+
+class Place:
+    """A scene with its module and the starts of its motions: the scene's own, and others around."""
+
+    def __init__(self, many: Many) -> None:
+        self.many, self.site = many, Site(many.scene)
+        folder = BUILD / "ensembles" / many.scene.name
+        built = hamel.build(
+            trajectories._file(many.scene),
+            choice=self.site.equations.choice,
+            out=folder,
+            constants="all",
+            integrators=INTEGRATORS,
+        )
+        self.folder: Path = built.folder
+        self.module: ModuleType = hamel.load(built.folder)
+        self.starts = self._starts()
+        self.ends = np.array([self._end(x) for x in self.starts[:CHECKED]])
+
+    def _starts(self) -> np.ndarray:
+        """Other velocities; other positions where nothing ties them."""
+        random, nq = np.random.default_rng(0), self.site.mechanics.q.numel()
+        starts = np.tile(self.site.x, (MANY, 1))
+        tied = self.site.mechanics.phi.numel() > 0
+        spread = random.uniform(-0.02, 0.02, starts.shape)
+        spread[0] = 0.0
+        if tied:
+            spread[:, :nq] = 0.0
+        return starts + spread
+
+    def _end(self, x: np.ndarray) -> np.ndarray:
+        site = self.site
+        held = tuple(c.name for c in site.mechanics.model.coordinates)
+        found = solution(
+            Problem(site.equations, tuple(x), tuple(map(float, site.u)), (), held),
+            [site.scene.span],
+            18,
+        ).at(0)
+        model = site.mechanics.model
+        q = np.array([float(found[c.name]) for c in model.coordinates])
+        v = np.array([float(found[c.name]) for c in model.velocities])
+        return np.ravel(self.module.state(site.scene.span, np.hstack([q, v]), site.u))
+
+    def error(self, ends: np.ndarray) -> float:
+        return float(np.max(np.abs(ends[:CHECKED] - self.ends) / self.site.scales))
+
+    def ours(self, **more: Any) -> Iterator[Ensemble]:
+        """By each integrator and enforcement of the module."""
+        span, u = self.site.scene.span, self.site.u
+        for integrator in INTEGRATORS:
+            for enforcement in self.module.enforcements or (None,):
+
+                def run(
+                    setting: float, x: np.ndarray, integrator: str = integrator,
+                    enforcement: str | None = enforcement,
+                ) -> tuple[float, np.ndarray]:  # fmt: skip
+                    how = {"rtol": 10.0**setting, "atol": 10.0**setting / 100, **more}
+                    return ensembles.timed(
+                        lambda: self.module.simulate(
+                            (0.0, span), x, u, times=[span], integrator=integrator,
+                            enforcement=enforcement, **how,
+                        ).x[:, -1]
+                    )  # fmt: skip
+
+                yield Ensemble(f"{integrator}, {enforcement}", run)
+
+    def heyoka(self) -> Iterator[tuple[str, Ensemble]]:
+        site, span = self.site, self.site.scene.span
+        made = program(site.equations, ("dynamics",), ("verner9",))
+        ours = series.of_program(made, site.u)
+        yield "program", ensembles.taylor(f"{LANES}, our program", ours, span, _same, _same)
+        if n := site.scene.links:
+            own = series.of_chain(n)
+            yield OWN, ensembles.taylor(f"{LANES}, {OWN}", own, span, _from_level, _relative)
+
+    def others(self) -> Iterator[Ensemble]:
+        """From Python; each may raise Unavailable."""
+        module, u, span = self.module, self.site.u, self.site.scene.span
+        makers: list[Callable[[], Ensemble]] = [
+            lambda: ensembles.vmapped(self.folder, module, u, span),
+            lambda: ensembles.one_by_one(self.folder, u, span),
+        ]
+        if links := self.site.scene.links:
+            makers.append(lambda: ensembles.rolled_out(links, span))
+        for make in makers:
+            try:
+                yield make()
+            except Unavailable as error:
+                print(f"{self.site.scene.name:10}{error}", file=sys.stderr)
+
+
+def _same(rows: np.ndarray) -> np.ndarray:
+    return rows
+
+
+def _from_level(rows: np.ndarray) -> np.ndarray:
+    """Angles and rates of the links from those between them."""
+    q, v = np.split(rows, 2, axis=1)
+    return np.hstack([np.cumsum(q, axis=1), np.cumsum(v, axis=1)])
+
+
+def _relative(rows: np.ndarray) -> np.ndarray:
+    q, v = np.split(rows, 2, axis=1)
+    return np.hstack([np.diff(q, axis=1, prepend=0.0), np.diff(v, axis=1, prepend=0.0)])
+
+
+@dataclass(frozen=True)
+class Chosen:
+    ensemble: Ensemble
+    setting: float
+    seconds: float  # of a motion
+
+
+def tuned(of: Ensemble, place: Place, count: int = TRIED) -> dict[float, Chosen]:
+    """For each error the setting that meets it in the least time."""
+    best: dict[float, Chosen] = {}
+    for setting in of.settings:
+        seconds, ends = of.run(setting, place.starts[:count])
+        wrong = place.error(ends)
+        for most in ERRORS:
+            if wrong <= most and (most not in best or seconds / count < best[most].seconds):
+                best[most] = Chosen(of, setting, seconds / count)
+        if len(best) == len(ERRORS) and seconds / count > 2.0 * best[ERRORS[-1]].seconds:
+            break
+    return best
+
+
+def fastest(choices: Sequence[dict[float, Chosen]], most: float) -> Chosen | None:
+    fit = [each[most] for each in choices if most in each]
+    return min(fit, key=lambda chosen: chosen.seconds) if fit else None
+
+
+def in_turn(chosen: Sequence[tuple[Chosen, int]], place: Place) -> list[float]:
+    """The least seconds a motion takes, each with as many motions as is said, all in turn."""
+    least = [np.inf] * len(chosen)
+    for _ in range(ROUNDS):
+        for i, (each, count) in enumerate(chosen):
+            seconds, _ends = each.ensemble.run(each.setting, place.starts[:count])
+            least[i] = min(least[i], seconds / count)
+    return least
+
+
+Row = dict[str, Any]
+
+
+def rows(many: Many) -> Iterator[Row]:
+    place = Place(many)
+    own = [tuned(each, place) for each in place.ours()]
+    peers = {key: tuned(each, place) for key, each in place.heyoka()}
+    for k, most in enumerate(ERRORS):
+        mine = fastest(own, most)
+        if mine is None:
+            continue
+        beside = {key: found[most] for key, found in peers.items() if most in found}
+        times = in_turn([(each, MANY) for each in (mine, *beside.values())], place)
+        for (key, each), seconds in zip(beside.items(), times[1:]):
+            target = many.targets.get(key, (None,) * len(ERRORS))[k]
+            yield _row(many, most, each.ensemble.peer, (mine, times[0]), seconds, target)
+    mine = fastest(own, PYTHON)
+    if mine is not None:
+        yield from _scalar(many, place, mine)
+        yield from _beside(many, place, mine)
+        yield from _costs(many, place, mine)
+
+
+def _scalar(many: Many, place: Place, mine: Chosen) -> Iterator[Row]:
+    """Our own loop for one motion at a time, compiled, without Python in between."""
+    found = [trajectories.tuned(each, place.site.error) for each in trajectories.ours(place.site)]
+    fit = [
+        each[PYTHON]
+        for each in found
+        if PYTHON in each and "verner9" in each[PYTHON].simulation.variant
+    ]
+    if not fit:
+        return
+    (seconds,) = in_turn([(mine, MANY)], place)
+    scalar = min(each.ms for each in fit) * 1e-3
+    yield _row(many, PYTHON, SCALAR, (mine, seconds), scalar, 0.16 if many.targets else None)
+
+
+def _beside(many: Many, place: Place, mine: Chosen) -> Iterator[Row]:
+    """Peers that are called from Python, with fewer motions where each takes long."""
+    for peer in place.others():
+        count = 16 if peer.peer.startswith(("SciPy", "MuJoCo")) else TRIED
+        best = tuned(peer, place, count).get(PYTHON)
+        if best is None:
+            print(f"{many.scene.name:10}{peer.peer} does not come to {PYTHON:g}", file=sys.stderr)
+            continue
+        count = count if count < TRIED else MANY
+        ours, theirs = in_turn([(mine, MANY), (best, count)], place)
+        yield _row(many, PYTHON, peer.peer, (mine, ours), theirs, 0.02)
+
+
+def _costs(many: Many, place: Place, mine: Chosen) -> Iterator[Row]:
+    """Threads beside one, and the estimate of the error beside none, with the same setting."""
+    name = mine.ensemble.peer
+    for what, more, target in (
+        (f"{CORES} threads beside one", {"threads": CORES}, 0.55 if CORES == 2 else None),
+        ("with the estimate of the error beside without", {"error": True}, 1.6),
+    ):
+        other = next(each for each in place.ours(**more) if each.peer == name)
+        with_it = Chosen(other, mine.setting, mine.seconds)
+        if "threads" in more:
+            pinned(CORES)
+        plain, seconds = in_turn([(mine, MANY), (with_it, MANY)], place)
+        if "threads" in more:
+            pinned()
+        yield _row(many, PYTHON, what, (with_it, seconds), plain, target)
+
+
+def _row(
+    many: Many,
+    most: float,
+    peer: str,
+    mine: tuple[Chosen, float],
+    theirs: float,
+    target: float | None,
+) -> Row:
+    ratio = mine[1] / theirs
+    return {
+        "function": f"{MANY} motions to {most:.0e}",
+        "model": many.scene.name,
+        "peer": peer,
+        "ours_ns": 1e9 * mine[1],
+        "peer_ns": 1e9 * theirs,
+        "ratio": ratio,
+        "target": target,
+        "met": None if target is None else ratio <= target,
+        "ours": mine[0].ensemble.peer,
+    }
+
+
+def line(row: Row) -> str:
+    target = f"{row['target']:.2f}" if row["target"] else "–"
+    met = {True: "met", False: "MISSED", None: ""}[row["met"]]
+    times = f"{row['ours_ns'] / 1e3:9.2f}{row['peer_ns'] / 1e3:10.2f}{row['ratio']:9.3f}{target:>7}"
+    return f"{row['model']:10}{row['function']:22}{row['peer']:48}{times}  {met:7}{row['ours']}"
+
+
+def main(names: Sequence[str]) -> int:
+    known = [many.scene.name for many in SCENES]
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        print(f"ensembles: no model {unknown[0]!r}; there are {', '.join(known)}", file=sys.stderr)
+        return 2
+    print(f"heyoka {series.version()}; µs a motion, the least of {ROUNDS} rounds side by side")
+    pinned()
+    for many in SCENES:
+        if names and many.scene.name not in names:
+            continue
+        found: list[Row] = []
+        for row in rows(many):
+            found.append(row)
+            print(line(row), flush=True)
+        _kept(many.scene.name, found)
+    return 0
+
+
+def _kept(model: str, found: Sequence[Row]) -> None:
+    """Beside the other rows of build/whole.json."""
+    before = json.loads(OUT.read_text()) if OUT.exists() else []
+    mine = f"{MANY} motions"
+    others = [
+        row
+        for row in before
+        if row["model"] != model or not row.get("function", "").startswith(mine)
+    ]
+    OUT.parent.mkdir(exist_ok=True)
+    OUT.write_text(json.dumps([*others, *found], indent=1, ensure_ascii=False) + "\n")
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except Unavailable as error:
+        sys.exit(f"ensembles: {error}")

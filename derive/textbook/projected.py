@@ -91,6 +91,7 @@ def _mass(doc: Manuscript) -> None:
         doc.matrix("M_w", r"!M_w", "M^{w}", M_w, short, symmetric=True)
         return
     if not {"M", "S"} <= doc.entries.keys():
+        doc.too_long(r"\mathbf{M}_w")
         return
     rows = _triple_product(doc.entries["S"], doc.entries["M"])
     if max(operations(x) for row in rows for x in row) > LONG_SUM:

@@ -11,7 +11,7 @@ import sympy
 from derive.choices.records import Guard
 from derive.model.constraint_records import Rolling
 from derive.textbook.compose import operations
-from derive.textbook.layout import Rows, sum_of
+from derive.textbook.layout import Rows, identity, sum_of
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
 from derive.textbook.records import Math, Run, Runs, Text
@@ -33,7 +33,7 @@ def choice(doc: Manuscript) -> None:
     _meanings(doc)
     if themselves(doc):
         doc.say("They are the generalized velocities themselves: $!w=!v$ and $!B=!1$.")
-        doc.entries["B"] = doc.exact["B"] = sympy.eye(len(doc.v)).tolist()
+        doc.entries["B"] = doc.exact["B"] = identity(len(doc.v))
     elif orthonormal(doc):
         _basis(doc)
     else:

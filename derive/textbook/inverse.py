@@ -12,7 +12,7 @@ import sympy
 
 from derive.textbook.choice import orthonormal, product_entry, themselves
 from derive.textbook.dependent import dependent_columns
-from derive.textbook.layout import sum_of
+from derive.textbook.layout import identity, sum_of
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.records import Math
 
@@ -25,7 +25,7 @@ def directions(doc: Manuscript) -> None:
     if doc.equations.generalized_velocities or not doc.w:
         return
     if themselves(doc) and not doc.terms.has("Y"):
-        doc.entries["S"] = doc.exact["S"] = sympy.eye(len(doc.v)).tolist()
+        doc.entries["S"] = doc.exact["S"] = identity(len(doc.v))
         doc.check("S is one", doc.terms.named("S") - ca.SX.eye(len(doc.v)))
         return
     tied = doc.terms.has("Y")

@@ -78,6 +78,11 @@ def much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
     return sum(map(operations, x)) < MUCH_SHORTER * total > WORTH_NAMES
 
 
+def identity(n: int) -> Rows:
+    """Ones on the diagonal."""
+    return [[sympy.Integer(i == j) for j in range(n)] for i in range(n)]
+
+
 def short_or_symbol(row: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
     """Entries of a row that are short, and the symbols of the others."""
     return [x if simple(x) else symbol for x, symbol in zip(row, symbols)]

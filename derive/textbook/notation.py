@@ -168,5 +168,5 @@ def symbols_of(equations: Equations) -> dict[str, str]:
     notation = Notation(Terms(equations))
     groups = [equations.argument(name) for name in "pxu"]
     symbols = {name: notation.typeset(name) for group in groups for name in group.labels}
-    symbols |= {symbol.name: latex for symbol, latex in notation.latex.items()}
+    symbols |= {str(symbol): latex for symbol, latex in notation.latex.items()}
     return symbols | {name: notation.latex[w] for name, w in zip(equations.w, notation.w)}

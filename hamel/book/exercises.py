@@ -198,7 +198,7 @@ def _heavier(course: Course) -> Iterator[Exercise]:
     yield Exercise(
         question.format(_symbol(course, parameters[k].name)),
         "With the other parameter dynamics gives",
-        _values(course, _speeds(course), _rates(course, course.start.u, p), "d/dt "),
+        _values(course, _speeds(course), _rates(course, course.start.u, p), True),
     )
 
 

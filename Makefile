@@ -112,7 +112,7 @@ whole: $(BENCH)/.ready
 
 # How near a sweep comes to the bare lane kernel, what a chunk costs, dask, and motions per second beside joblib and MuJoCo.
 sweeps: $(BENCH)/.ready
-	$(BENCH)/bin/python benchmarks/sweeps.py --dask --peers
+	$(BENCH)/bin/python benchmarks/sweeps.py --dask --peers --plot docs/sweeps.svg
 
 # A sweep on a dask scheduler of this machine whose workers and scheduler are killed, compared byte by byte with an undisturbed
 # one; writes build/cluster.json.

@@ -1,7 +1,7 @@
 """How near a sweep comes to the bare lane kernel, what a chunk costs besides, and how many tasks a
 dask scheduler hands out: build/sweeps.json. Everything is measured side by side, the least of several.
 
-    python benchmarks/sweeps.py [--dask] [--peers]
+    python benchmarks/sweeps.py [--dask [--plot FILE]] [--peers]
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ import numpy as np
 from peers.contest import BUILD
 from peers.ensembles import by_processes, one_by_one, rolled_out
 
+from hamel.draw import Series, chart
 from hamel.engines import Engine, engine
 from hamel.simulate.compiled import Rows
 from hamel.simulate.method import Method
@@ -34,6 +36,7 @@ from hamel.sweep.plan import Asked, Plan, planned
 
 ROOT = Path(__file__).resolve().parent.parent
 CORES = os.cpu_count() or 1
+CHUNKS = (16, 64, 256, 1024, 4096)  # motions
 METHOD = Method("quasi_velocities", None, None, "dop853", None, 1e-9, None)
 
 
@@ -111,6 +114,26 @@ def beside_peers(by: Engine) -> dict[str, float]:
     return ratios
 
 
+def shares(engines: dict[str, Engine], rounds: int) -> dict[str, list[tuple[int, float]]]:
+    """Of the throughput of the bare kernel on all cores, by motions a chunk, for each engine."""
+    plans = {chunk: plan(CHUNKS[-1] * CORES, chunk, 5.0) for chunk in CHUNKS}
+    kernel = bare(plans[CHUNKS[-1]])
+    found: dict[str, list[tuple[int, float]]] = {name: [] for name in engines}
+    for chunk, of in plans.items():
+        calls = [partial(swept, of, by) for by in engines.values()]
+        bare_seconds, *seconds = least(rounds, kernel, *calls)
+        for name, each in zip(engines, seconds):
+            found[name].append((chunk, bare_seconds / each))
+    return found
+
+
+def plot(found: dict[str, list[tuple[int, float]]]) -> str:
+    """The shares over motions a chunk."""
+    lines = [Series(name, points) for name, points in found.items()]
+    title = "Throughput of a sweep over that of the bare kernel, on all cores"
+    return chart(title, "motions a chunk", "share", lines, log=(True, False))
+
+
 def nothing(number: int) -> int:
     """A task without work."""
     return number
@@ -130,6 +153,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--dask", action="store_true", help="also dask with a worker a core")
     arguments.add_argument("--rounds", type=int, default=3)
+    arguments.add_argument("--plot", type=Path, help="shares over motions a chunk, as SVG")
     arguments.add_argument("--peers", action="store_true", help="also joblib and MuJoCo")
     asked = arguments.parse_args()
     warnings.simplefilter("ignore")
@@ -151,6 +175,9 @@ def main() -> None:
             there, sweep = least(asked.rounds, lambda: swept(long, dask), lambda: swept(long, here))
             found["dask_of_here"] = sweep / there
             found["dask_tasks_per_second"] = tasks_per_second(dask)
+            found["shares"] = shares({"threads": here, "dask": dask}, asked.rounds)
+        if asked.plot:
+            asked.plot.write_text(plot(found["shares"]), encoding="utf-8")
     if asked.peers:
         with engine("here", CORES) as here:
             found["times_as_many_motions"] = beside_peers(here)

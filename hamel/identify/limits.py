@@ -15,6 +15,9 @@ LIGHT = 1e-3  # of the least information: what a parameter that is not told is h
 MARGIN = 1e-9  # of a pseudo-inertia's own size: strictly inside, so that rounding stays there
 LEAST_WEIGHT = 1e-12  # of the largest residual: an equation without noise is not infinitely exact
 
+# fit
+DOUBTFUL = 0.1  # of the forces: a fit that leaves more explains something else
+
 # excitation
 TRIES = 20  # random series, of which the best is improved
 STEPS = 15  # of the search
@@ -23,8 +26,10 @@ ROOM = 0.95  # of the way to a limit
 
 # measured
 ORDER = 4  # of the Butterworth filter, that runs forwards and backwards
-POWER = 0.999  # of the coordinates' power lies below the frequency that the cutoff is taken from
-ABOVE = 5.0  # the cutoff is so many times that frequency
+TOP = 0.8  # of half the sampling rate, from where on there is noise alone
+RISEN = 10.0  # times the power of the noise: there is motion at that frequency
+SMOOTH = 9  # frequencies that power is averaged over
+ABOVE = 1.5  # the cutoff is so many times the highest frequency with motion
 NYQUIST = 0.4  # and at most this part of the sampling rate
 EVEN = 1e-3  # of a time step: what steps may differ
 LEAST = 20  # rows

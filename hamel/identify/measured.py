@@ -21,7 +21,7 @@ from derive.formulations.evaluate import function_of, slots_of
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics, closed, nominal
 from hamel.columns import file_columns
-from hamel.identify.limits import ABOVE, EVEN, LEAST, NYQUIST, ORDER, POWER
+from hamel.identify.limits import ABOVE, EVEN, LEAST, NYQUIST, ORDER, RISEN, SMOOTH, TOP
 
 Array = np.ndarray
 
@@ -164,13 +164,24 @@ def _filter(t: Array, columns: dict[str, Array], names: Sequence[str], own: floa
 
 
 def _cutoff(q: Array, rate: float) -> float:
-    """From the power of the coordinates: what lies above is noise for the most part."""
-    window = np.hanning(len(q))[:, None]
-    power = np.abs(np.fft.rfft((q - q.mean(axis=0)) * window, axis=0)) ** 2
-    total = power.sum(axis=0)
-    share = np.cumsum(power / np.where(total > 0.0, total, 1.0), axis=0)
-    highest = int(np.max(np.argmax(share > POWER, axis=0)))
-    return min(ABOVE * max(highest, 1) * rate / len(q), NYQUIST * rate)
+    """Above where the coordinates rise from their noise.
+
+    Second differences have no trend, and turn white noise of the coordinates into a spectrum of the
+    known form (2 sin(π f / rate))⁴: divided by it the noise is flat, and as high everywhere as near
+    half of the rate, where no motion is expected.
+    """
+    bends = np.diff(q, 2, axis=0)
+    window = np.hanning(len(bends))[:, None]
+    spectrum = np.fft.rfft((bends - bends.mean(axis=0)) * window, axis=0)[1:]
+    f = np.fft.rfftfreq(len(bends), 1.0 / rate)[1:]
+    power = np.abs(spectrum / (2.0 * np.sin(np.pi * f / rate))[:, None] ** 2) ** 2
+    top = f > TOP * rate / 2.0
+    noise = np.median(power[top], axis=0) / np.log(2.0)  # the mean of what has that median
+    smooth = np.ones(SMOOTH) / SMOOTH
+    means = np.array([np.convolve(column, smooth, mode="same") for column in power.T]).T
+    risen = ((means > RISEN * noise) & ~top[:, None]).any(axis=1)
+    highest = float(np.max(f[risen], initial=f[0]))
+    return min(ABOVE * highest, NYQUIST * rate)
 
 
 def _positions(equations: Equations, t: Array, given: dict[str, Array], file: str | Path) -> Array:

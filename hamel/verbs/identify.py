@@ -22,6 +22,7 @@ from hamel.build.stages import equations_of
 from hamel.identify.base import Base, base_parameters
 from hamel.identify.excitation import columns, excitation
 from hamel.identify.fit import Fit, fit, own_values, relative
+from hamel.identify.limits import DOUBTFUL
 from hamel.identify.measured import recorded
 from hamel.identify.page import page
 from hamel.identify.shooting import check_free, quantities, shot
@@ -143,6 +144,7 @@ def _record(
     missing = () if consistent is not None else (
         "no physically consistent values: pip install 'hamel[identify]'",
     )  # fmt: skip
+    left = tuple(map(float, relative(found.rows, found.values)))
     return Identified(
         model=found.equations.system.model.name,
         data=Path(data).name,
@@ -152,12 +154,12 @@ def _record(
         condition=found.weighted.condition,
         equations=found.equations.w,
         noise=tuple(map(float, found.weighted.spread)),
-        residuals=tuple(map(float, relative(found.rows, found.values))),
+        residuals=left,
         check=None if check is None else Path(check).name,
         check_residuals=()
         if found.fresh is None
         else tuple(map(float, relative(found.fresh, found.values))),
-        notes=(*found.motion.notes, *missing),
+        notes=(*found.motion.notes, *missing, *_doubts(left)),
         file=None if out is None else Path(out),
         page=None if html is None else Path(html),
     )
@@ -300,6 +302,16 @@ def _show_values(record: Identified, console: Console) -> None:
     for place in (record.file, record.page):
         if place is not None:
             console.print(f"  wrote {place}")
+
+
+def _doubts(left: tuple[float, ...]) -> tuple[str, ...]:
+    """What to think of where much of the forces is left."""
+    if max(left, default=0.0) < DOUBTFUL:
+        return ()
+    return (
+        "much of the forces is left, so these values are not to be trusted: the model may lack a "
+        "force, the filter may take some of the motion away (--cutoff), or noise hides it",
+    )
 
 
 def _show_residuals(

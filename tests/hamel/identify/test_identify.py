@@ -180,3 +180,27 @@ def test_a_motion_that_tells_nothing_is_refused(motion, tmp_path):
 def test_loops_have_no_series(tmp_path):
     with pytest.raises(AssumptionError, match="trees"):
         hamel.excitation(ROOT / "models" / "four_bar.yaml", tmp_path / "x.csv")
+
+
+@pytest.mark.parametrize("noise", (0.0, 1e-5))
+def test_a_small_fast_part_of_a_long_way_is_not_filtered_away(tmp_path: Path, noise: float):
+    """A ramp holds nearly all of the power, and none of the accelerations."""
+    t, random = np.arange(1000) / 500.0, np.random.default_rng(0)
+    q1 = 10.0 * t + 0.01 * np.sin(2.0 * np.pi * 30.0 * t)
+    rows = np.column_stack([t, q1, 0.0 * t, 0.0 * t, 0.0 * t])
+    rows[:, 1:3] += noise * random.normal(size=(len(t), 2))
+    path = tmp_path / "data.csv"
+    np.savetxt(path, rows, delimiter=",", header="t,q1,q2,tau1,tau2", comments="")
+    low = measured(equations(system(load_text(ARM))), path, None).filter
+    assert low is not None and 40.0 < low.cutoff
+    assert noise == 0.0 or low.cutoff < 100.0
+
+
+@pytest.mark.slow
+def test_what_was_simulated_is_found_again(tmp_path: Path):
+    model, data = ROOT / "models" / "four_bar.yaml", tmp_path / "data.csv"
+    hamel.simulate(model, time=2.0, values={"tau": 0.5}, out=data)
+    record = hamel.identify(model, data)
+    assert max(record.residuals) < 0.02 and not any("trusted" in note for note in record.notes)
+    slow = hamel.identify(model, data, cutoff=20.0)
+    assert any("not to be trusted" in note for note in slow.notes)

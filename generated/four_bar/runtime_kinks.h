@@ -9,7 +9,17 @@
    No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
 
 #if KINKS
-enum { FOURTHS = 4 };
+enum {
+    FOURTHS = 4,
+    ATTEMPTS = 20, /* steps to come near a kink */
+    ROUGH = 8,     /* iterations of a root that the steps of the method improve on */
+    FINE = 60      /* of one that is the result */
+};
+static const double NEAREST = 1e-6;    /* share of a step: a kink before that is left to the error control */
+static const double CLOSE = 1e-3;      /* share of the way to a kink that a step leaves at first */
+static const double CLOSE_FIXED = 0.1; /* the same of a step of given size, whose error nobody knows */
+static const double NEARER = 0.1, FARTHER = 8.0, FARTHEST = 0.6; /* factors of that share, and its limit */
+static const double SAFE = 0.01;       /* error of what is carried on, in units of the tolerance */
 
 /* A step from the state: its size and end, its error in units of the tolerance, how long it is from there to the kink, where it
    arrives, with which slope, and the number of the kink that it ends before, from 1 on, or 0. */
@@ -40,7 +50,7 @@ static double root_along(Run *r, const Dense *d, int k, double t, double h, doub
 {
     double y[N], place = b;
     int n;
-    for (n = 0; n < 8; n++) { /* roughly: the steps of the method do better */
+    for (n = 0; n < ROUGH; n++) {
         double g;
         place = n % 3 == 2 ? 0.5 * (a + b) : b - gb * (b - a) / (gb - ga);
         dense_at(d, place, y);
@@ -97,7 +107,7 @@ static double carried_root(Run *r, const Trial *to, double g, double most)
         gb = behind(r, to, b = most, z);
     if (!(ga * gb < 0.0))
         return most;
-    for (n = 0; n < 60 && b - a > DBL_EPSILON * most; n++) {
+    for (n = 0; n < FINE && b - a > DBL_EPSILON * most; n++) {
         double c = n % 4 == 3 ? 0.5 * (a + b) : b - gb * (b - a) / (gb - ga), gc;
         if (!(c > a && c < b))
             c = 0.5 * (a + b);
@@ -120,6 +130,45 @@ static double carried_error(const Run *r, const Trial *to, double h)
     return norm(r, bend, r->s->x, to->z) * h / to->h;
 }
 
+/* Where on its way from the state a step is to end. Shares of the whole step: `before` is the farthest end that is on this side of the
+   kink, `beyond` the nearest on the other, `place` about where the kink is, and `off` how far before it a step is to end. */
+typedef struct {
+    double before, beyond, place, off;
+} Search;
+
+/* A step that ended before the kink: whether it will do. If not, the next one is to end nearer, or farther away where it erred: a stage of
+   it may have been beyond. */
+static int is_near(Run *r, const Trial *whole, double g, Trial *to, Search *search)
+{
+    const double theta = to->h / whole->h;
+    const int fixed = r->s->step_size > 0.0;
+    if (!(to->error <= 1.0))
+        return !((search->off *= FARTHER) < FARTHEST);
+    to->left = carried_root(r, to, g, (search->beyond - theta) * whole->h);
+    if (carried_error(r, to, to->left) <= SAFE)
+        return 1;
+    if (search->off > 2.0 * CLOSE && !fixed) {
+        to->kink = 0; /* as near as it can come without error; the next step looks again */
+        return 1;
+    }
+    search->before = theta;
+    search->place = fmin(theta + to->left / whole->h, 0.5 * (theta + search->beyond));
+    search->off *= NEARER;
+    return 0;
+}
+
+/* A step that ended beyond the kink says better where it is. */
+static void came_beyond(Run *r, const Trial *whole, double start, double g, const Trial *to, Search *search)
+{
+    Simulation *const s = r->s;
+    Dense d;
+    cubic(&d, to->h, s->x, s->slope, to->z, to->next);
+    search->beyond = to->h / whole->h;
+    search->place = search->beyond * root_along(r, &d, to->kink - 1, s->t, to->h, 0.0, 1.0, start, g);
+    if (!(search->place > search->before))
+        search->place = 0.5 * (search->before + search->beyond);
+}
+
 /* Makes of a trial step one that ends just before the first kink on its way; leaves it where there is none. Where forces jump, a stage of
    such a step may be beyond: it ends the earlier then, and the next one comes nearer. Where the step `failed`, the first slope says what
    may be on its way. Returns a status. */
@@ -127,51 +176,32 @@ static int before_kink(Run *r, const Method *method, int failed, Trial *to)
 {
     Simulation *const s = r->s;
     const Trial whole = *to;
-    double a = 0.0, b = 1.0, off = s->step_size > 0.0 ? 0.1 : 1e-3, start, place;
+    const int fixed = s->step_size > 0.0;
+    Search search = {0.0, 1.0, 1.0, fixed ? CLOSE_FIXED : CLOSE};
+    double start;
     int which = 0, n;
     for (n = 0; n < N && failed != OK; n++) {
         to->z[n] = s->x[n] + whole.h * s->slope[n];
         to->next[n] = s->slope[n];
     }
-    place = first_kink(r, s->landed, s->t, whole.h, s->x, s->slope, to->z, to->next, &which);
-    if (!(place > 1e-6 && place < 1.0))
+    search.place = first_kink(r, s->landed, s->t, whole.h, s->x, s->slope, to->z, to->next, &which);
+    if (!(search.place > NEAREST && search.place < 1.0))
         return failed;
     to->kink = which + 1;
     start = kink_at(r, which, s->t, s->x);
-    for (n = 0; n < 20 && b - a > 4.0 * DBL_EPSILON; n++) {
-        const double theta = fmax(0.5 * (a + place), (1.0 - off) * place);
+    for (n = 0; n < ATTEMPTS && search.beyond - search.before > 4.0 * DBL_EPSILON; n++) {
         double g;
-        to->h = theta * whole.h;
+        to->h = fmax(0.5 * (search.before + search.place), (1.0 - search.off) * search.place) * whole.h;
         to->end = s->t + to->h;
         if (method->step(r, method->coefficients, s->t, to->h, s->x, s->slope, to->z, to->next, &to->error) != OK)
             break;
-        if (s->step_size > 0.0)
+        if (fixed)
             to->error = 0.0;
         g = kink_at(r, which, to->end, to->z);
-        if (g * start > 0.0) {
-            if (!(to->error <= 1.0)) {
-                if ((off *= 8.0) < 0.6)
-                    continue;
-                return OK;
-            }
-            to->left = carried_root(r, to, g, (b - theta) * whole.h);
-            if (carried_error(r, to, to->left) <= 0.01)
-                return OK;
-            if (off > 2e-3 && !(s->step_size > 0.0)) {
-                to->kink = 0;
-                return OK;
-            }
-            a = theta;
-            place = fmin(theta + to->left / whole.h, 0.5 * (theta + b));
-            off *= 0.1;
-        } else {
-            Dense d;
-            cubic(&d, to->h, s->x, s->slope, to->z, to->next);
-            b = theta;
-            place = theta * root_along(r, &d, which, s->t, to->h, 0.0, 1.0, start, g);
-            if (!(place > a))
-                place = 0.5 * (a + b);
-        }
+        if (!(g * start > 0.0))
+            came_beyond(r, &whole, start, g, to, &search);
+        else if (is_near(r, &whole, g, to, &search))
+            return OK;
     }
     *to = whole; /* there was none, or it is not to be reached */
     return method->step(r, method->coefficients, s->t, to->h, s->x, s->slope, to->z, to->next, &to->error);
@@ -183,7 +213,7 @@ static void across_kink(Run *r, double time, Trial *to)
     const double start = kink_at(r, to->kink - 1, to->end, to->z);
     double z[N], next[N], h, more = 2.0 * DBL_EPSILON * fmax(fabs(to->end), to->left);
     int n;
-    for (n = 0; n < 20 && to->end + (h = to->left + more) < time; n++, more *= 2.0) {
+    for (n = 0; n < ATTEMPTS && to->end + (h = to->left + more) < time; n++, more *= 2.0) {
         if (!(start * behind(r, to, h, z) < 0.0))
             continue;
         if (slope(r, to->end + h, z, next) != OK)

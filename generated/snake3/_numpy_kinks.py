@@ -14,9 +14,12 @@ from ._runge_kutta import Step
 
 FOURTHS = 4  # of a step, at whose ends kinks are looked at
 NEAREST = 1e-6  # share of a step: a kink before that is left to the error control
-ATTEMPTS = 20
-CLOSE = 1e-3  # share of a step that is left to the kink at first
-SAFE = 0.01  # in units of the tolerance
+ATTEMPTS = 20  # steps to come near a kink
+ROUGH, FINE = 8, 60  # iterations of a root that steps improve on, and of one that is the result
+CLOSE = 1e-3  # share of the way to a kink that a step leaves at first
+CLOSE_FIXED = 0.1  # the same of a step of given size, whose error nobody knows
+NEARER, FARTHER, FARTHEST = 0.1, 8.0, 0.6  # factors of that share, and its limit
+SAFE = 0.01  # error of what is carried on, in units of the tolerance
 Values = Callable[[float], Any]
 
 
@@ -50,6 +53,22 @@ def kinks(motion: Motion, t: Any, y: np.ndarray) -> np.ndarray:
     return values
 
 
+@dataclass
+class Search:
+    """Where on its way a step is to end, in shares of the whole step: `before` is the farthest end
+    on this side of the kink, `beyond` the nearest on the other, `place` about where the kink is,
+    and `off` how far before it a step is to end."""
+
+    place: float
+    off: float
+    before: float = 0.0
+    beyond: float = 1.0
+
+    @property
+    def end(self) -> float:
+        return float(max(0.5 * (self.before + self.place), (1 - self.off) * self.place))
+
+
 def landing(motion: Motion, step: Step, z: np.ndarray, error: float) -> Landing:
     """The step, or a shorter one that ends before the first kink on its way; one that ends earlier
     where forces jump. Raises Failed."""
@@ -59,34 +78,49 @@ def landing(motion: Motion, step: Step, z: np.ndarray, error: float) -> Landing:
         return whole
     fixed = bool(motion.state["step_size"])
     start: Any = kinks(motion, step.t, step.y)[k]
-    a, b = 0.0, 1.0
-    off = 0.1 if fixed else CLOSE
+    search = Search(place, CLOSE_FIXED if fixed else CLOSE)
     for _ in range(ATTEMPTS):
-        theta = float(max(0.5 * (a + place), (1 - off) * place))
         try:
-            short, z, error = motion.stepped(step.t, theta * step.h, step.y, step.stages[0])
+            short, z, error = motion.stepped(step.t, search.end * step.h, step.y, step.stages[0])
         except Failed:
             break
         trial = Landing(short, z, 0.0 if fixed else error, k + 1)
         g: Any = kinks(motion, trial.end, z)[k]
         if not g * start > 0:
-            b = theta
-            place = theta * float(_root(_along(motion, short, z, k), 0.0, 1.0, start, g, 8))
-            place = place if place > a else 0.5 * (a + b)
-        elif not trial.error <= 1:
-            off *= 8
-            if not off < 0.6:
-                return trial
-        else:
-            trial.left = _carried_root(motion, trial, g, (b - theta) * step.h)
-            if _carried_error(motion, trial) <= SAFE:
-                return trial
-            if off > 2 * CLOSE and not fixed:
-                trial.number = 0
-                return trial
-            a, place = theta, min(theta + float(trial.left / step.h), 0.5 * (theta + b))
-            off *= 0.1
+            _came_beyond(motion, step, trial, (start, g), search)
+        elif _is_near(motion, step, trial, g, search):
+            return trial
     return whole
+
+
+def _came_beyond(
+    motion: Motion, whole: Step, trial: Landing, values: tuple[Any, Any], search: Search
+) -> None:
+    """A step that ended beyond the kink says better where it is."""
+    along = _along(motion, trial.step, trial.z, trial.number - 1)
+    search.beyond = float(trial.step.h / whole.h)
+    search.place = search.beyond * float(_root(along, 0.0, 1.0, *values, ROUGH))
+    if not search.place > search.before:
+        search.place = 0.5 * (search.before + search.beyond)
+
+
+def _is_near(motion: Motion, whole: Step, trial: Landing, g: Any, search: Search) -> bool:
+    """Whether a step that ended before the kink will do. If not, the next one is to end nearer, or
+    farther away where it erred: a stage of it may have been beyond."""
+    theta = float(trial.step.h / whole.h)
+    if not trial.error <= 1:
+        search.off *= FARTHER
+        return not search.off < FARTHEST
+    trial.left = _carried_root(motion, trial, g, (search.beyond - theta) * whole.h)
+    if _carried_error(motion, trial) <= SAFE:
+        return True
+    if search.off > 2 * CLOSE and not motion.state["step_size"]:
+        trial.number = 0  # as near as it can come without error; the next step looks again
+        return True
+    search.before = theta
+    search.place = min(theta + float(trial.left / whole.h), 0.5 * (theta + search.beyond))
+    search.off *= NEARER
+    return False
 
 
 def crossed(motion: Motion, trial: Landing, time: Any) -> tuple[Any, np.ndarray, np.ndarray] | None:
@@ -123,7 +157,7 @@ def _first(motion: Motion, step: Step, z: np.ndarray) -> tuple[float, int]:
         changed = [int(k) for k in np.flatnonzero(before * after < 0) if k != masked]
         if changed:
             roots = [
-                (float(_root(_along(motion, step, z, k), a, b, before[k], after[k], 8)), k)
+                (float(_root(_along(motion, step, z, k), a, b, before[k], after[k], ROUGH)), k)
                 for k in changed
             ]
             return min(roots)
@@ -153,7 +187,7 @@ def _carried_root(motion: Motion, trial: Landing, g: Any, most: Any) -> Any:
         return kinks(motion, trial.end + h, trial.carried(h))[k]
 
     last = values(most)
-    return _root(values, 0.0, most, g, last, 60) if g * last < 0 else most
+    return _root(values, 0.0, most, g, last, FINE) if g * last < 0 else most
 
 
 def _carried_error(motion: Motion, trial: Landing) -> float:

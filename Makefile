@@ -14,7 +14,7 @@ PEERS  := pin cmeel-eigen example-robot-data mujoco casadi symforce pydy jax num
 # Every process reads its modules as byte code, whatever the surroundings say: tests start hundreds of them.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo report reference gallery docs links book pages targets target-speed embedded test test-slow lint types robots loops growth bench bench-page report-page whole sweeps cluster matrix faults fuzz fresh clean
+.PHONY: demo report reference gallery docs links book pages live targets target-speed embedded test test-slow lint types robots loops growth bench bench-page report-page whole sweeps cluster matrix faults fuzz fresh clean
 
 demo: $(VENV)/.run-time
 	$(HAMEL) build models/snake3.yaml --numpy -o $(DEMO)/snake3
@@ -170,9 +170,13 @@ links: $(VENV)/.docs
 book: $(VENV)/.run-time
 	$(HAMEL) book models/*.yaml --title "Mechanisms" -o build/book
 
-# Every page of every model in Chromium, at two widths: build/pages.json; a part of it as in make pages MODELS="four_bar bicycle".
+# Every page of every model and of the gallery in Chromium, at two widths: build/pages.json; a part of it as in make pages MODELS="four_bar bicycle".
 pages: $(VENV)/.test
 	$(BIN)/python benchmarks/pages.py $(MODELS)
+
+# Live pages of five models in Chromium: size, time to the first picture, work of a frame; build/live.json.
+live: $(VENV)/.test
+	$(BIN)/python benchmarks/live.py $(MODELS)
 
 # Rebuild the committed modules after a change of the generator.
 fresh: $(VENV)/.run-time

@@ -91,15 +91,26 @@ async function measured(page, width) {
 
 def main(names: Sequence[str]) -> int:
     """Writes and measures the pages of these models, of all where none is named."""
-    browser = next((path for path in map(shutil.which, BROWSERS) if path), None)
+    browser = browser_of()
     if browser is None:
         print(f"none of {', '.join(BROWSERS)} is installed; pages are measured in one of them")
         return 3
-    paths = [x for x in sorted((HOME / "models").glob("*.yaml")) if not names or x.stem in names]
+    paths = [x for x in models() if not names or x.stem in names]
     rows = [row for path in paths for row in _of_model(browser, path)]
     wrong = sum(1 for row in rows if row["clipped"] or row["overlaps"])
     print(f"{len(rows) // len(WIDTHS)} pages at {len(WIDTHS)} widths, {wrong} with something wrong")
     return 1 if wrong else 0
+
+
+def models() -> list[Path]:
+    """Those of the repository and of its gallery."""
+    folder = HOME / "models"
+    return [*sorted(folder.glob("*.yaml")), *sorted((folder / "gallery").glob("*.yaml"))]
+
+
+def browser_of() -> str | None:
+    """The Chromium that is installed."""
+    return next((path for path in map(shutil.which, BROWSERS) if path), None)
 
 
 def _of_model(browser: str, path: Path) -> list[dict[str, Any]]:

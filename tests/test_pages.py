@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import shutil
 from pathlib import Path
 from types import ModuleType
 
@@ -31,7 +30,7 @@ def test_planted_faults_are_counted(
 ) -> None:
     """A table beyond a narrow screen is clipped there and not on a wide one; labels that cover each
     other are told at both widths; a sound page has neither."""
-    browser = next((path for path in map(shutil.which, pages.BROWSERS) if path), None)
+    browser = pages.browser_of()
     if browser is None:
         pytest.skip("no Chromium")
     monkeypatch.setattr(pages, "PAGES", tmp_path)
@@ -44,6 +43,17 @@ def test_planted_faults_are_counted(
     assert counts["sound.html", 1400] == counts["sound.html", 390] == (0, 0)
     assert counts["clipped.html", 1400] == (0, 0) and counts["clipped.html", 390][0] > 0
     assert counts["covered.html", 1400] == counts["covered.html", 390] == (0, 1)
+
+
+def test_slow_and_large_live_pages_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A row within all limits misses nothing; each limit is seen by itself."""
+    monkeypatch.syspath_prepend(str(MODELS.parent / "benchmarks"))
+    live = importlib.import_module("live")
+    sound = live.LIMITS | {"per_second": 60.0}
+    assert live.misses(sound) == []
+    for name in live.LIMITS:
+        assert len(live.misses(sound | {name: 1.01 * sound[name]})) == 1
+    assert live.misses(sound | {"per_second": 30.0})
 
 
 def test_rows_of_other_models_stay(

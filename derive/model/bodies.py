@@ -44,7 +44,8 @@ def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
     com = reader.point(entry.com, "a centre of mass") if first is None else over(first, mass)
     inertia, about_origin = _inertia(reader, entry, mass, com, allowed)
     _check_mass(reader, key, entry, mass, inertia)
-    return Body(str(key), mass, com, inertia, key.span, first, about_origin)
+    about = entry.about.text if entry.about else ""
+    return Body(str(key), mass, com, inertia, key.span, first, about_origin, about)
 
 
 def _first_moment(reader: Reader, entry: BodyEntry, mass: Expression) -> Vector3 | None:

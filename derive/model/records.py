@@ -148,6 +148,7 @@ class Body:
     span: Span
     first_moment: Vector3 | None = None
     about_origin: tuple[Expression, ...] | None = None
+    about: str = ""  # what the file says of it
 
 
 @dataclass(frozen=True)

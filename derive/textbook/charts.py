@@ -9,6 +9,7 @@ from derive.formulations.limits import BETTER, LOW
 from derive.formulations.records import Equations, Function
 from derive.textbook.choice import power_of_ten, watched
 from derive.textbook.manuscript import Manuscript
+from derive.textbook.names import words
 from derive.textbook.records import Math, Runs, Text
 
 
@@ -46,9 +47,9 @@ def _chart(doc: Manuscript, chart: Equations, k: int) -> None:
     _transfer(doc, chart, k)
     doc.mean(rf"!w^{{({k})}},\; !B^{{({k})}}", f"quasi-velocities of chart {k}, and their rows")
     if doc.system.c.is_zero():
-        doc.mean(rf"!S^{{({k})}}", f"S of chart {k}")
+        doc.mean(rf"!S^{{({k})}}", f"$!S$ of chart {k}")
     else:
-        doc.mean(rf"!S^{{({k})}},\; !R^{{({k})}}", f"S and R of chart {k}")
+        doc.mean(rf"!S^{{({k})}},\; !R^{{({k})}}", f"$!S$ and $!R$ of chart {k}")
 
 
 def _rows(chart: Equations) -> ca.SX:
@@ -107,7 +108,12 @@ def _margins(doc: Manuscript) -> None:
             symbol = f"D_{{{i}}}" if k == 0 else f"D^{{({k})}}_{{{i}}}"
             largest = Math(power_of_ten(guard.tolerance * whole))
             rows.append(
-                ((Text(f"{k}, {chart.choice}"),), (Math(symbol),), (Text(guard.name),), (largest,))
+                (
+                    (Text(f"{k}, {chart.choice}"),),
+                    (Math(symbol),),
+                    (Text(words(guard.name)),),
+                    (largest,),
+                )
             )
     if rows:
         doc.table(("chart", "guard", "of", "largest"), rows)

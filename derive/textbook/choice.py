@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import casadi as ca
@@ -10,9 +11,10 @@ import sympy
 from derive.choices.records import Guard
 from derive.model.constraint_records import Rolling
 from derive.textbook.compose import operations
-from derive.textbook.layout import Rows
-from derive.textbook.manuscript import Manuscript, sum_of
-from derive.textbook.records import Math, Text
+from derive.textbook.layout import Rows, identity, sum_of
+from derive.textbook.manuscript import Manuscript
+from derive.textbook.names import words
+from derive.textbook.records import Math, Run, Runs, Text
 
 WRITTEN_OUT = 14  # operations of a sum that is not abbreviated by the symbols of its coefficients
 DEEP = 3  # levels down to which B and Sᵀ are compared
@@ -29,7 +31,10 @@ def choice(doc: Manuscript) -> None:
         return
     _reason(doc)
     _meanings(doc)
-    if orthonormal(doc):
+    if themselves(doc):
+        doc.say("They are the generalized velocities themselves: $!w=!v$ and $!B=!1$.")
+        doc.entries["B"] = doc.exact["B"] = identity(len(doc.v))
+    elif orthonormal(doc):
         _basis(doc)
     else:
         _rows(doc)
@@ -40,12 +45,17 @@ def choice(doc: Manuscript) -> None:
 
 def _reason(doc: Manuscript) -> None:
     nv, nw = len(doc.v), len(doc.w)
+    what = "combinations of the generalized velocities that need not be rates of anything"
+    if nw == 1:
+        what = "a combination of the generalized velocities that need not be a rate of anything"
+    every = _counted(nv, "generalized velocity", "generalized velocities")
+    free = f"Of the {every}, {_counted(nv - nw, 'is', 'are')} tied by constraints and "
+    free += f"{_counted(nw, 'is', 'are')} free."
+    if nv == nw:
+        free = "No constraint ties the generalized velocities; all are free."
     doc.say(
-        f"Of the {_counted(nv, 'generalized velocity', 'generalized velocities')}, "
-        f"{_counted(nv - nw, 'is', 'are')} tied by constraints and {_counted(nw, 'is', 'are')} "
-        "free. The free motion is described by "
-        f"{_counted(nw, 'quasi-velocity', 'quasi-velocities')} $!w=!B\\,!v$, combinations of the "
-        "generalized velocities that need not be rates of anything "
+        f"{free} The free motion is described by "
+        f"{_counted(nw, 'quasi-velocity', 'quasi-velocities')} $!w=!B\\,!v$, {what} "
         "(Kane's generalised speeds). The choice “{name}” was taken because {reason}.",
         name=doc.equations.choice,
         reason=doc.equations.reason,
@@ -58,12 +68,17 @@ def _meanings(doc: Manuscript) -> None:
     units = state.units[len(doc.q) :]
     for symbol, name, unit in zip(doc.w, doc.equations.w, units):
         if symbol not in doc.v:
-            doc.mean(doc.notation.latex[symbol], f"quasi-velocity {name}", unit)
-    doc.mean(r"!w,\; !B", "quasi-velocities, w = B v")
+            doc.mean(doc.notation.latex[symbol], "quasi-velocity {name}", unit, name=name)
+    doc.mean(r"!w,\; !B", "quasi-velocities and their rows, $!w=!B\\,!v$")
 
 
 def _counted(n: int, one: str, many: str) -> str:
     return f"{n} {one if n == 1 else many}"
+
+
+def themselves(doc: Manuscript) -> bool:
+    """Whether the quasi-velocities are the generalized velocities, in their order."""
+    return doc.w == doc.v
 
 
 def orthonormal(doc: Manuscript) -> bool:
@@ -95,12 +110,14 @@ def transposed(rows: Rows) -> Rows:
 
 def _rows(doc: Manuscript) -> None:
     """The speeds over the generalized velocities."""
-    doc.say("The quasi-velocities are $!w=!B\\,!v$, with:")
+    listing = Math(",\\; ".join(doc.notation.latex[symbol] for symbol in doc.w))
+    what = "The quasi-velocity {w} is" if len(doc.w) == 1 else "The quasi-velocities {w} are"
+    doc.say(f"{what} $!w=!B\\,!v$, with:", w=listing)
     if not doc.matrix("B", r"!B", "B", doc.terms.named("B")):
         return
     own = [k for k, symbol in enumerate(doc.w) if symbol not in doc.v]
     if own:
-        doc.say("Row by row they are:")
+        doc.say("Written out:")
         rows = [product_entry(doc, "B", k, doc.v) for k in own]
         doc.lines("w", [doc.w[k] for k in own], rows, doc.terms.w[own])
 
@@ -114,23 +131,40 @@ def product_entry(doc: Manuscript, matrix: str, k: int, column: Sequence[sympy.E
 
 def _pivots(doc: Manuscript) -> None:
     if not doc.equations.pivots:
-        doc.say("No elimination is needed.")
+        if not themselves(doc):
+            doc.say("No elimination is needed.")
         return
     if orthonormal(doc):
         return
     doc.say(
-        "Choosing $!B$ is choosing how to eliminate. Walking from base to tip, each row is solved "
-        "as soon as all velocities in it have been reached, in this order:"
+        "Choosing $!B$ is choosing how to eliminate. From base to tip, each row of $!A$ and $!B$ "
+        "is solved as soon as all velocities in it have been reached. It gives one of them, "
+        "divided by the factor of that velocity, which is called the pivot. In this order:"
     )
-    doc.items((Text(x),) for x in doc.equations.pivots)
-    contacts = [x.name for x in doc.system.model.constraints if isinstance(x, Rolling)]
-    told = " ".join(doc.equations.pivots)
+    doc.items(_with_symbols(doc, x) for x in doc.equations.pivots)
+    if any("sampled" in x for x in doc.equations.pivots):
+        doc.say("Sampled states are random states that the constraints admit.")
+    contacts = [words(x.name) for x in doc.system.model.constraints if isinstance(x, Rolling)]
+    told = words(" ".join(doc.equations.pivots))
     if any(f"{name} {axis}" in told for name in contacts for axis in "xyz"):
         doc.say(
             "Of a contact x, y and z are the components of its velocity along the axes of the "
             "body. All three are zero, which is what its rows, normal, forward and sideways, say "
             "together; in these axes the pivots are simpler."
         )
+
+
+def _with_symbols(doc: Manuscript, text: str) -> Runs:
+    """A sentence in which velocities are called as the file calls them."""
+    velocities = zip((x.name for x in doc.system.model.velocities), doc.v)
+    symbols = dict(velocities) | dict(zip(doc.equations.w, doc.w))
+    known = "|".join(re.escape(name) for name in sorted(symbols, key=len, reverse=True))
+    pieces = re.split(rf"(?<![\w.])({known})(?![\w.(])", text) if known else [text]
+    return tuple(
+        Math(doc.notation.latex[symbols[piece]]) if k % 2 else Text(words(piece))
+        for k, piece in enumerate(pieces)
+        if piece
+    )
 
 
 def _guards(doc: Manuscript) -> None:
@@ -160,9 +194,10 @@ def watched(doc: Manuscript, guard: Guard, latex: str) -> None:
         return
     doc.lines(f"guard {guard.name}", [symbol], entries, ca.SX(guard.value))
     bound = Math(rf"\left|{latex}\right| \ge {power_of_ten(guard.tolerance)}")
-    doc.say("It has to keep {bound} ({name}).", bound=bound, name=guard.name)
+    text: list[Run] = [Text("It has to satisfy "), bound, Text(" (")]
+    doc.add((*text, *_with_symbols(doc, guard.name), Text(").")))
     doc.reader.name(ca.SX(guard.value), [symbol])
-    doc.mean(latex, f"guard: {guard.name}")
+    doc.mean(latex, "guard, {name}", name=words(guard.name))
 
 
 def power_of_ten(x: float) -> str:

@@ -15,6 +15,7 @@ from derive.joints.rotations import cross
 from derive.mechanics.records import Link, System
 from derive.mechanics.tree import twists
 from derive.textbook.manuscript import Manuscript
+from derive.textbook.names import words
 
 FEWEST, MOST = 2, 8  # links for which the factors are written out
 
@@ -162,7 +163,7 @@ def _twists(doc: Manuscript, factors: _Factors) -> None:
     )
     product = ca.mtimes([factors.N_l, factors.N_d, factors.v])
     doc.law("complement", r"!t", r"!N_l\,!N_d\,!v", _column_of_twists(factors) - product)
-    doc.mean(r"!N_l,\; !N_d", "factors of the natural orthogonal complement: t = N_l N_d v")
+    doc.mean(r"!N_l,\; !N_d", "factors of the natural orthogonal complement, $!t=!N_l\\,!N_d\\,!v$")
     for i, link in enumerate(factors.links):
         _link(doc, factors, i, link)
     doc.state(r"!B_{ij}", r"!B_{i,i-1}\,!B_{i-1,j}")
@@ -179,7 +180,7 @@ def _column_of_twists(factors: _Factors) -> ca.SX:
 def _link(doc: Manuscript, factors: _Factors, i: int, link: Link) -> None:
     """p_i and B_i,parent."""
     index = i + 1
-    doc.say("For {name}", name=link.name)
+    doc.say("For {name}:", name=words(link.name))
     doc.matrix(f"p[{index}]", rf"!p_{{{index}}}^T", rf"p^{{{index}}}", factors.p[i].T)
     if link.parent >= 0:
         pair = f"{index},{link.parent + 1}"
@@ -220,7 +221,8 @@ def _pivots(doc: Manuscript, f: _Factors) -> None:
     U, D = f.U, f.D
     doc.law("U D U^T", r"!M", r"!U\,!D\,!U^T", doc.system.M - ca.mtimes([U, ca.diag(D), U.T]))
     doc.say(
-        "The factors have $U_{ij}=!p_i^T!B_{ji}^T!\\psi_j$. The entries of $!D$ are the pivots:"
+        "The factors have $U_{ij}=!p_i^T!B_{ji}^T!\\psi_j$. The entries of $!D$ are the pivots "
+        "$\\hat{m}_i$."
     )
     doc.vector("m_hat", r"\hat{m}", D)
-    doc.mean(r"!U,\; !D", "factors of the mass matrix, M = U D Uᵀ, tip to base")
+    doc.mean(r"!U,\; !D", "factors of the mass matrix, tip to base, $!M=!U\\,!D\\,!U^T$")

@@ -6,6 +6,7 @@ import sympy
 
 from derive.mechanics.records import Row
 from derive.textbook.manuscript import Manuscript
+from derive.textbook.names import words
 from derive.textbook.records import Math, Runs, Text
 
 
@@ -19,7 +20,7 @@ def constraints(doc: Manuscript) -> None:
     _positions(doc)
     doc.say("Every constraint is one row of equations that are linear in the velocities:")
     doc.state(r"!A\,!v", r"!c")
-    doc.mean(r"!A,\; !c", "constraint rows, A v = c")
+    doc.mean(r"!A,\; !c", "constraint rows, $!A\\,!v=!c$")
     doc.table(("row", "constraint", "kind"), [_row(i, row) for i, row in enumerate(system.rows)])
     doc.say("The coefficients are:")
     doc.matrix("A", r"!A", "A", system.A)
@@ -35,7 +36,7 @@ def _differentiated(doc: Manuscript) -> None:
         "Differentiating once more gives $!A\\,!!v=!\\beta$ with $!\\beta=!!c-!!A\\,!v$, a "
         "directional derivative along the motion:"
     )
-    doc.mean(r"!\beta", "A v̇ = β")
+    doc.mean(r"!\beta", "right side of the constraint rows for accelerations, $!A\\,!!v=!\\beta$")
     shown = doc.vector("beta", r"\beta", doc.system.beta)
     if shown and all(row == [0] for row in doc.entries["beta"]):
         doc.say("Here $!\\beta=!0$.")
@@ -61,11 +62,11 @@ def _positions(doc: Manuscript) -> None:
         return
     doc.say("The positions have to satisfy $!\\Phi(!q,t)=!0$, with:")
     doc.vector("phi", r"\Phi", system.phi)
-    doc.mean(r"!\Phi", "position constraints, Φ = 0")
+    doc.mean(r"!\Phi", "position constraints, $!\\Phi=!0$")
 
 
 def _row(i: int, row: Row) -> tuple[Runs, ...]:
-    index, name = (Text(str(i + 1)),), (Text(row.name),)
+    index, name = (Text(str(i + 1)),), (Text(words(row.name)),)
     if row.position < 0:
         return index, name, (Text("nonholonomic"),)
     position = Math(rf"\Phi_{{{row.position + 1}}}")

@@ -8,7 +8,6 @@ from importlib.metadata import PackageNotFoundError, version
 from derive.formulations import source
 from derive.formulations.frames import based
 from derive.formulations.records import Equations
-from derive.textbook import names
 from derive.textbook.choice import choice
 from derive.textbook.constraints import constraints
 from derive.textbook.energy import energies, power
@@ -25,18 +24,35 @@ from derive.textbook.routes import roads_of, write_roads
 from derive.textbook.states import first_order_states
 from derive.textbook.worked import with_numbers
 
+MOST_SYMBOLS = 200  # of a longer table the first and the last
+# the section that takes from it, and the source
 REFERENCES = (
-    "Mirtaheri, Zohoor: Quasi-velocities definition in Lagrangian multibody dynamics. [A; B] "
-    "stacked and inverted by blocks.",
-    "Kane, Levinson: Dynamics, Theory and Applications, 1985. Generalised speeds and partial "
-    "velocities.",
-    "Maggi's equations: the equations of motion projected on the motions that the constraints "
-    "allow.",
-    "Jerkovsky 1978: the velocity transformation.",
-    "Saha 1999: the decoupled natural orthogonal complement. Yu, Chen 2002: platform and arm of a "
-    "mobile manipulator.",
-    "Luh, Walker, Paul 1980: recursive Newton–Euler equations. Walker, Orin 1982: composite "
-    "bodies.",
+    (
+        "Block inverse",
+        "Mirtaheri, Zohoor: Quasi-velocities definition in Lagrangian multibody dynamics. The rows "
+        "of A and B stacked and inverted by blocks.",
+    ),
+    (
+        "Choice of quasi-velocities",
+        "Kane, Levinson: Dynamics, Theory and Applications, 1985. Generalised speeds and partial "
+        "velocities.",
+    ),
+    (
+        "Projection",
+        "Maggi's equations: the equations of motion projected on the motions that the constraints "
+        "allow.",
+    ),
+    ("Velocities that the constraints allow", "Jerkovsky 1978: the velocity transformation."),
+    (
+        "Decoupled natural orthogonal complement",
+        "Saha 1999: the decoupled natural orthogonal complement.",
+    ),
+    ("Platform and arm", "Yu, Chen 2002: platform and arm of a mobile manipulator."),
+    (
+        "Kinematics",
+        "Luh, Walker, Paul 1980: recursive Newton–Euler equations. Walker, Orin 1982: composite "
+        "bodies.",
+    ),
 )
 
 
@@ -68,7 +84,7 @@ def _long(equations: Equations) -> Document:
 
 
 def _title(equations: Equations) -> str:
-    return f"Equations of motion: {equations.system.model.name}"
+    return f"Equations of motion: {equations.system.model.name.replace('_', ' ')}"
 
 
 def _subtitle(equations: Equations, taken: Sequence[Road]) -> str:
@@ -88,18 +104,18 @@ def _version() -> str:
 def symbols(doc: Manuscript) -> None:
     """What every symbol means, with its unit."""
     doc.section("Symbols")
-    doc.say(
-        "Bold letters are matrices and columns; the same letter with indices is an entry, its row "
-        "before its column."
-    )
-    rows = [((Math(x.latex),), (Text(x.about),), (Text(names.unit(x.unit)),)) for x in doc.meanings]
-    doc.table(("symbol", "meaning", "unit"), rows)
+    rows = [((Math(x.latex),), x.about, (Text(x.unit),)) for x in doc.meanings]
+    doc.table(("symbol", "meaning", "unit"), rows, MOST_SYMBOLS)
 
 
 def references(doc: Manuscript) -> None:
     """Who devised the methods, and what was assumed."""
     doc.section("Sources of the methods")
-    doc.items((Text(x),) for x in (source(doc.equations.formulation), *REFERENCES))
+    texts = [text for title, text in REFERENCES if doc.has_section(title)]
+    first = source(doc.equations.formulation)
+    if not any(text.startswith(first) for text in texts):
+        texts.insert(0, first)
+    doc.items((Text(x),) for x in texts)
     for text in doc.equations.assumptions:
         doc.say("Assumed: {text}.", text=text)
 

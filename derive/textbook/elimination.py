@@ -9,8 +9,8 @@ import casadi as ca
 import sympy
 
 from derive.textbook.forces import column_bias, column_force
-from derive.textbook.layout import Rows
-from derive.textbook.manuscript import Manuscript, sum_of
+from derive.textbook.layout import Rows, sum_of
+from derive.textbook.manuscript import Manuscript
 
 
 class Elimination:
@@ -43,7 +43,7 @@ class Elimination:
         self._show()
         doc.mean(
             r"\delta_{k},\; \ell_{ik},\; \eta_{k}",
-            "pivots, factors and right-hand sides of the elimination of M_w",
+            "pivots, factors and right-hand sides of the elimination of $!M_w$",
         )
         doc.say("The explicit equations of motion are, one after the other:")
         rates = [doc.notation.rate(symbol) for symbol in doc.w]

@@ -6,9 +6,12 @@ import casadi as ca
 import sympy
 
 from derive.mechanics.tree import kinetic_energy
+from derive.model.load_records import Bushing, Contact, JointSpring, PointSpring
 from derive.textbook.kinematics import components_of, numbers_in_symbols
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.motion import applied, mass
+
+STORING = (JointSpring, PointSpring, Bushing, Contact)  # loads that have a potential
 
 
 def energies(doc: Manuscript) -> None:
@@ -30,11 +33,19 @@ def _potential(doc: Manuscript) -> None:
     if system.V.is_zero():
         doc.say("There is no potential energy.")
         return
-    origin = " of gravity and springs" if system.links else ""
-    if any(state.energy is not None for state in system.model.states):
-        origin = " of gravity, springs and first-order states"
-    doc.say(f"The potential energy{origin} is:")
+    doc.say(f"The potential energy{_of(doc)} is:")
     doc.scalar("V", "V", system.V, "potential energy", "J")
+
+
+def _of(doc: Manuscript) -> str:
+    """Where the potential energy comes from; a formula of the file needs no such word."""
+    model = doc.system.model
+    sources = ["gravity"] if model.gravity is not None else []
+    sources += ["springs"] if any(isinstance(x, STORING) for x in model.loads) else []
+    sources += ["first-order states"] if any(x.energy is not None for x in model.states) else []
+    if not doc.system.links or not sources:
+        return ""
+    return f" of {' and '.join(filter(None, [', '.join(sources[:-1]), sources[-1]]))}"
 
 
 def _by_links(doc: Manuscript) -> bool:

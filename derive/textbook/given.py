@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import sympy
 
+from derive.joints import joint_type
 from derive.model.records import Body, Joint, Parameter
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
@@ -47,13 +50,18 @@ def _gravity(doc: Manuscript) -> None:
     assert doc.system.model.gravity is not None
     vector, g = doc.system.model.gravity, doc.notation.g
     if g is None:
-        doc.say("Gravity is $!g=$ {g} m/s².", g=point(doc, vector, "gravity"))
+        doc.say("Gravity is {g} m/s².", g=_equal(r"!g", point(doc, vector, "gravity")))
         doc.mean(r"!g", "gravity", "m/s^2")
         return
     doc.say("The magnitude of gravity is, in m/s²:")
     doc.lines("g", [g.symbol], [sympy.Float(repr(g.value), 15)], ca.SX(g.value))
-    doc.say("It acts along $!g=$ {g}.", g=point(doc, vector, "gravity"))
+    doc.say("As a vector it is {g}.", g=_equal(r"!g", point(doc, vector, "gravity")))
     doc.mean(r"!g,\; g", "gravity, its magnitude", "m/s^2")
+
+
+def _equal(left: str, right: Math) -> Math:
+    """left = right, in the short hand of names.bold."""
+    return Math(f"{names.bold(left)} = {right.latex}")
 
 
 def _parameters(doc: Manuscript) -> None:
@@ -65,10 +73,12 @@ def _parameters(doc: Manuscript) -> None:
         "The parameters and their values are"
         + (" (numbers in all formulas below):" if numbers else ":")
     )
-    doc.listing(("symbol", "value", "unit", "meaning"), parameters, lambda x: _parameter(doc, x))
+    head = ("symbol", "value", "unit", *(["meaning"] if any(x.about for x in parameters) else []))
+    doc.listing(head, parameters, lambda x: _parameter(doc, x)[: len(head)])
     free = [x for x in parameters if x.name not in constants]
     for x, symbol in zip(free, doc.notation.p):
-        doc.mean(doc.notation.latex[symbol], x.about or f"parameter {x.name}", x.unit)
+        about = x.about or f"parameter {x.name}"
+        doc.mean(doc.notation.latex[symbol], "{about}", x.unit, about=about)
 
 
 def _parameter(doc: Manuscript, x: Parameter) -> tuple[Runs, ...]:
@@ -86,15 +96,15 @@ def _bodies(doc: Manuscript) -> None:
     if not model.bodies:
         return
     doc.say(
-        "The bodies are, with centres of mass in body coordinates and moments of inertia about "
-        "them:"
+        "The bodies are the following. Every body has axes of its own; centres of mass are given "
+        "in these, and moments of inertia about the centre of mass:"
     )
-    doc.listing(
-        ("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²"),
-        model.bodies,
-        lambda x: _body(doc, x),
-    )
-    doc.say("They are connected by joints, parents first:")
+    head = ("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²", "meaning")
+    shown = len(head) if any(x.about for x in model.bodies) else len(head) - 1
+    doc.listing(head[:shown], model.bodies, lambda x: _body(doc, x)[:shown])
+    turned = any(x.at_parent.rotation != x.at_child.rotation for x in model.joints)
+    zero = "" if turned else ", and where all coordinates are zero the axes of all are parallel"
+    doc.say(f"Joints connect them, from the ground outwards{zero}:")
     doc.listing(
         ("joint", "type", "from → to", "at, in each body / m", "coordinates"),
         model.joints,
@@ -105,7 +115,8 @@ def _bodies(doc: Manuscript) -> None:
 def _body(doc: Manuscript, x: Body) -> tuple[Runs, ...]:
     about = f"body {x.name}"
     mass, com = doc.formula(x.mass, about), point(doc, x.com, about)
-    return (Text(x.name),), (mass,), (com,), _inertia(doc, x, about)
+    name = Text(names.words(x.name))
+    return (name,), (mass,), (com,), _inertia(doc, x, about), (Text(x.about),)
 
 
 def _inertia(doc: Manuscript, x: Body, about: str) -> Runs:
@@ -124,10 +135,27 @@ def _inertia(doc: Manuscript, x: Body, about: str) -> Runs:
 
 
 def _joint(doc: Manuscript, x: Joint) -> tuple[Runs, ...]:
-    type_ = f"{x.type}, {x.orientation}" if x.orientation else x.type
     places = (place(doc, x.at_parent), Text("; "), place(doc, x.at_child))
-    way = Text(f"{x.parent} → {x.child}")
-    return (Text(x.name),), (Text(type_),), (way,), places, (_coordinates(doc, x),)
+    way = Text(names.words(f"{x.parent} → {x.child}"))
+    name = Text(names.words(x.name))
+    return (name,), _type(doc, x), (way,), places, (_coordinates(doc, x),)
+
+
+def _type(doc: Manuscript, x: Joint) -> Runs:
+    """In space with the axis, in the axes of the body that moves."""
+    type_ = x.type
+    if x.orientation:
+        turns = "a quaternion" if x.orientation == "quaternion" else ", ".join(x.orientation)
+        type_ += f", turned by {turns}" if turns == "a quaternion" else f", turning about {turns}"
+    if doc.system.model.plane or not joint_type(x.type).needs_axis:
+        return (Text(type_),)
+    scalar, rotation = doc.system.symbols.scalar, x.at_child.rotation
+    axis = ca.vertcat(*(ca.SX(scalar(entry)) for entry in x.axis))
+    if rotation is not None:
+        rows = [ca.horzcat(*(ca.SX(scalar(entry)) for entry in row)) for row in rotation]
+        axis = ca.mtimes(ca.vertcat(*rows), axis)
+    entries = r",\; ".join(doc.term(axis[k], f"axis of {x.name}").latex for k in range(3))
+    return Text(f"{type_} along "), Math(f"({entries})")
 
 
 def _coordinates(doc: Manuscript, x: Joint) -> Math | Text:
@@ -147,7 +175,15 @@ def _energies(doc: Manuscript) -> None:
         return
     T = doc.formula(model.kinetic, "given T")
     V = doc.formula(model.potential or 0.0, "given V")
-    doc.say("The kinetic and the potential energy are given as $T=$ {T} and $V=$ {V}.", T=T, V=V)
+    doc.say(
+        "The kinetic and the potential energy are given as {T} and {V}.",
+        T=_equal("T", T),
+        V=_equal("V", V),
+    )
+
+
+def _name(x: Any) -> Text:
+    return Text(names.words(x.name))
 
 
 def _tied(doc: Manuscript) -> None:
@@ -155,9 +191,9 @@ def _tied(doc: Manuscript) -> None:
     model = doc.system.model
     rows: list[tuple[Runs, ...]] = []
     for x in model.closures:
-        rows.append(((Text(x.name),), (Text(f"{x.type} closure"),), closure(doc, x)))
+        rows.append(((_name(x),), (Text(f"{x.type} closure"),), closure(doc, x)))
     for x in model.constraints:
-        rows.append(((Text(x.name),), (Text(kind(x)),), constraint(doc, x)))
+        rows.append(((_name(x),), (Text(kind(x)),), constraint(doc, x)))
     if rows:
         doc.say("The motion is tied by:")
         doc.table(("name", "kind", "what it says"), rows)
@@ -166,11 +202,11 @@ def _tied(doc: Manuscript) -> None:
 def _driven(doc: Manuscript) -> None:
     """Loads and inputs."""
     model = doc.system.model
-    rows: list[tuple[Runs, ...]] = [((Text(x.name),), load(doc, x)) for x in model.loads]
+    rows: list[tuple[Runs, ...]] = [((_name(x),), load(doc, x)) for x in model.loads]
     for symbol, x in zip(doc.u, model.inputs):
         latex = doc.notation.latex[symbol]
         rows.append(((Math(latex),), driven(doc, x)))
-        doc.mean(latex, x.about or f"input {x.name}", x.unit)
+        doc.mean(latex, "{about}", x.unit, about=x.about or f"input {x.name}")
     if rows:
         doc.say("Applied forces and inputs are:")
         doc.table(("name", "what it does"), rows)

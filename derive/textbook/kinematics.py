@@ -13,7 +13,7 @@ from derive.joints.rotations import is_zero
 from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import Link, System
 from derive.mechanics.tree import path, twists
-from derive.model.records import Coordinate, Velocity
+from derive.model.records import Coordinate, Model, Velocity
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.notation import Extra
@@ -77,20 +77,33 @@ def coordinates(doc: Manuscript) -> None:
     """Prints q, v and q̇ = N v, with units and the joint that each belongs to."""
     model = doc.system.model
     doc.section("Coordinates and generalized velocities")
-    doc.say("The configuration is described by the coordinates $!q$:")
-    _declared(doc, doc.q, model.coordinates)
     doc.say(
-        "The motion is described by the generalized velocities $!v$, which are what joints add to "
-        "the motion of the body that carries them; those of a planar or free joint are components "
-        "in the axes of the moving body:"
+        "Bold letters are matrices and columns; the same letter with indices is an entry, its row "
+        "before its column. The configuration is described by the coordinates $!q$:"
     )
+    _declared(doc, doc.q, model.coordinates)
+    doc.say("The motion is described by the generalized velocities $!v$" + _in_words(model))
     _declared(doc, doc.v, model.velocities)
     for symbol, x in zip(doc.q, model.coordinates):
-        doc.mean(doc.notation.latex[symbol], f"coordinate {x.name}", x.unit)
+        doc.mean(doc.notation.latex[symbol], "coordinate {name}", x.unit, name=x.name)
     for symbol, x in zip(doc.v, model.velocities):
-        doc.mean(doc.notation.latex[symbol], f"generalized velocity {x.name}", x.unit)
+        latex = doc.notation.latex[symbol]
+        doc.mean(latex, "generalized velocity {name}", x.unit, name=x.name)
     doc.mean(r"!q,\; !v", "coordinates, generalized velocities")
     _rates(doc)
+
+
+def _in_words(model: Model) -> str:
+    """What generalized velocities are in this model."""
+    text = ""
+    if any(x.owner for x in model.velocities):
+        text = ", which say how each joint moves the body that it carries"
+    if any(x.owner and not x.rate_of for x in model.velocities):
+        text += (
+            ". Those of joints with several degrees of freedom are components of the velocity and "
+            "the angular velocity in the axes of the body that moves"
+        )
+    return f"{text}:"
 
 
 def _declared(
@@ -100,11 +113,14 @@ def _declared(
 ) -> None:
     """The table of coordinates, or of generalized velocities."""
     rows = [_row(doc.notation.latex[symbol], x) for symbol, x in zip(symbols, declarations)]
-    doc.table(("symbol", "name", "unit", "belongs to"), rows)
+    head = ("symbol", "name in the file", "unit", "joint")
+    shown = len(head) if any(x.owner for x in declarations) else len(head) - 1
+    doc.table(head[:shown], [row[:shown] for row in rows])
 
 
 def _row(latex: str, x: Coordinate | Velocity) -> tuple[Runs, ...]:
-    return (Math(latex),), (Text(x.name),), (Text(names.unit(x.unit)),), (Text(x.owner or "–"),)
+    owner = Text(names.words(x.owner) if x.owner else "–")
+    return (Math(latex),), (Text(x.name),), (Text(names.unit(x.unit)),), (owner,)
 
 
 def _rates(doc: Manuscript) -> None:
@@ -120,7 +136,7 @@ def _rates(doc: Manuscript) -> None:
         "$!!q=!N\\,!v$, with:"
     )
     doc.matrix("N", r"!N", "N", N)
-    doc.mean(r"!N", "q̇ = N v")
+    doc.mean(r"!N", "rates of the coordinates per generalized velocity, $!!q=!N\\,!v$")
 
 
 def _is_identity(N: ca.SX) -> bool:
@@ -135,10 +151,12 @@ def links(doc: Manuscript) -> None:
         return
     doc.section("Kinematics")
     doc.say(
-        "Walking from base to tip, every link hands its motion on. The angular velocity of a link "
-        "is that of its carrier $p$ plus the joint's, $!H_i\\,!v$; the velocity of its origin "
-        "follows through the joint point, at $!a_i$ in the carrier and at $!b_i$ in the link. In "
-        "each link's own axes, with $!R_i$ from those to the carrier's:"
+        "A link is a body with the joint that carries it. From base to tip every link hands its "
+        "motion on. The angular velocity $!\\omega_i$ of link $i$ is that of its carrier $p$ plus "
+        "what the joint adds; the velocity $!v_i$ of its origin follows through the joint point, "
+        "at $!a_i$ in the carrier and at $!b_i$ in the link. $!H^{\\omega}_i$ and $!H^{v}_i$ hold "
+        "the directions in which the joint turns and shifts the link. Everything is written in "
+        "each link's own axes; $!R_i$ turns these into the carrier's:"
     )
     recursion(doc)
     long = not parts or len(parts) > MOST_COMPONENTS
@@ -152,7 +170,7 @@ def links(doc: Manuscript) -> None:
         doc.say("Components that are not listed are zero.")
     doc.mean(
         r"\omega_{i},\; v_{i}",
-        "angular velocity of link i and velocity of its origin, in its own axes",
+        "angular velocity of link $i$ and velocity of its origin, in its own axes",
         "rad/s, m/s",
     )
 
@@ -174,9 +192,9 @@ def recursion(doc: Manuscript) -> None:
     right = r"!R_i^T\left(!v_p + !\omega_p\times !a_i\right) + !H^{v}_i!v - !\omega_i\times !b_i"
     doc.law("moving", r"!v_i", right, ca.vertcat(*linear))
     doc.mean(
-        r"!R_{i},\; !a_{i},\; !b_{i}", "rotation of link i to its carrier, joint point in both"
+        r"!R_{i},\; !a_{i},\; !b_{i}", "rotation of link $i$ to its carrier, joint point in both"
     )
-    doc.mean(r"!H_{i}", "what the joint of link i adds per generalized velocity")
+    doc.mean(r"!H_{i}", "what the joint of link $i$ adds per generalized velocity")
 
 
 def handed_on(
@@ -207,8 +225,10 @@ def _table(doc: Manuscript) -> None:
         moved = sorted(j for k in path(links, i) for j in links[k].columns)
         inertia = Text(f"rows and columns {_ranges(moved)}" if moved else "none")
         added = Math(r",\; ".join(own)) if own else Text("none")
-        rows.append(((Text(link.name),), (Text(carrier),), (added,), (inertia,)))
-    doc.table(("link", "carried by", "its joint adds", "adds to M in"), rows[:MOST_ROWS])
+        name, carrier = names.words(link.name), names.words(carrier)
+        rows.append(((Text(name),), (Text(carrier),), (added,), (inertia,)))
+    head = ("link", "carried by", "its joint adds", "its mass adds to the mass matrix in")
+    doc.table(head, rows[:MOST_ROWS])
     if len(rows) > MOST_ROWS:
         doc.say(f"The other {len(rows) - MOST_ROWS} links go on in the same way.")
 
@@ -234,7 +254,7 @@ def _twists(doc: Manuscript, twists: Sequence[Component]) -> None:
         if not _link(doc, [x for x in twists if x.link == i], [*omega, *velocity]):
             doc.say(
                 "The twists of {name} and of what follows are too long to be read here.",
-                name=link.name,
+                name=names.words(link.name),
             )
             return
 

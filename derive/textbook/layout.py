@@ -1,17 +1,24 @@
-"""What fits on a line: which entries of a matrix are written in it and which beside it."""
+"""What fits on a line: which entries of a matrix are written in it and which beside it, and which
+numbers are too long to be read."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import casadi as ca
 import sympy
 
 from derive.textbook.compose import operations
+from derive.textbook.typeset import digits
 
 CELL = 26  # a wider entry gets a line of its own before the matrix
 COLUMN = 44  # the same where the matrix has one column
 ROW = 46  # a wider matrix shows its widest entries by their symbols: legible at 390 pixels
 SYMBOL = 5  # the width of an entry's symbol, with the gap after it
+MUCH_SHORTER = 0.6  # of the operations over the basic symbols
+WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
+FEW_DIGITS = 6  # of a number in a table
+MOST_DIGITS = 7  # a decimal of more gets a name
 
 Rows = list[list[sympy.Expr]]
 Places = set[tuple[int, int]]
@@ -58,3 +65,38 @@ def rows_of(entries: Sequence[sympy.Expr], shape: tuple[int, int]) -> Rows:
     """Entries given row by row, as rows."""
     n, m = shape
     return [list(entries[i * m : (i + 1) * m]) for i in range(n)]
+
+
+def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.Expr:
+    """Σ weight · term."""
+    return sympy.Add(*[x * y for x, y in zip(weights, terms)])
+
+
+def much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
+    """Whether formulas over names of other terms save enough to be read instead."""
+    total = sum(map(operations, y))
+    return sum(map(operations, x)) < MUCH_SHORTER * total > WORTH_NAMES
+
+
+def identity(n: int) -> Rows:
+    """Ones on the diagonal."""
+    return [[sympy.Integer(i == j) for j in range(n)] for i in range(n)]
+
+
+def short_or_symbol(row: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol]) -> list[sympy.Expr]:
+    """Entries of a row that are short, and the symbols of the others."""
+    return [x if simple(x) else symbol for x, symbol in zip(row, symbols)]
+
+
+def rounded(x: sympy.Expr) -> sympy.Expr:
+    """A formula of a table with few digits in its numbers."""
+    numbers: set[sympy.Float] = x.atoms(sympy.Float)  # pyright: ignore[reportAssignmentType]
+    long = [n for n in numbers if len(digits(n)) > MOST_DIGITS]
+    return x.xreplace({n: sympy.Float(f"{float(n):.{FEW_DIGITS}g}") for n in long})
+
+
+def mark(x: ca.SX) -> str:
+    """What a picture of a pattern shows of an entry: nothing, a number, or a term."""
+    if x.is_zero():
+        return " "
+    return "1" if x.is_constant() else "x"

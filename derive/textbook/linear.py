@@ -102,8 +102,9 @@ def _deviations(motion: _SteadyMotion) -> None:
     entries = [rf"\delta {motion.latex(i)}" for i in motion.minimal]
     motion.doc.say(
         "Small deviations {order} follow from differentiating the equations along the motions that "
-        "the constraints allow. There are {count} of them: $n_q+n_v$ less the independent position "
-        "and velocity constraints, and less {cyclic} cyclic coordinates.",
+        "the constraints allow. There are {count} of them: as many as coordinates and generalized "
+        "velocities, less the independent position and velocity constraints, and less {cyclic} "
+        "cyclic coordinates, which stand in no equation.",
         order=Math(r"\left(" + ",\\,".join(entries) + r"\right)"),
         count=str(len(entries)),
         cyclic=str(len(motion.cyclic)),
@@ -118,14 +119,14 @@ def _forces(motion: _SteadyMotion) -> None:
     doc.state(r"!M_w\,\delta !!w", r"!K\,\delta !x" + (r" + !G\,\delta !u" if u.numel() else ""))
     slopes = ca.mtimes(ca.jacobian(f_w, x), form.T[:, list(motion.study.kept)])
     slopes = motion.at(slopes)
-    doc.say("The mass matrix and the slopes of $!f_w-!h_w$ at the steady motion are:")
+    doc.say("There stand the mass matrix and the slopes of $!f_w-!h_w$ at the steady motion.")
     _matrix(doc, "M_w at", r"!M_w", "M^{0}", motion.at(doc.terms.named("M_w")))
     _matrix(doc, "K at", r"!K", "K", slopes)
     if u.numel():
         _matrix(doc, "G at", r"!G", "G", motion.at(ca.jacobian(f_w, u)))
     doc.mean(
         r"!K,\; !G",
-        "slopes of f_w − h_w over the minimal states and the inputs, along the steady motion",
+        "slopes of $!f_w-!h_w$ over the minimal states and the inputs, along the steady motion",
     )
 
 

@@ -8,7 +8,6 @@ why they stay short.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 import casadi as ca
@@ -20,9 +19,22 @@ from derive.mechanics.records import System
 from derive.textbook import names
 from derive.textbook.compose import operations
 from derive.textbook.convert import BEARABLE, FEW_PIECES, MOST_PIECES, READABLE, Piece
-from derive.textbook.layout import Rows, entry_index, plain, rows_of, simple, wide_entries
+from derive.textbook.layout import (
+    MOST_DIGITS,
+    Rows,
+    entry_index,
+    mark,
+    much_shorter,
+    plain,
+    rounded,
+    rows_of,
+    short_or_symbol,
+    sum_of,
+    wide_entries,
+)
 from derive.textbook.measure import parts
 from derive.textbook.notation import Extra, Notation
+from derive.textbook.prose import runs
 from derive.textbook.records import (
     Block,
     Display,
@@ -31,11 +43,11 @@ from derive.textbook.records import (
     Law,
     Line,
     Math,
+    Meaning,
     Paragraph,
     Pattern,
     Printed,
     Ref,
-    Run,
     Runs,
     Section,
     Table,
@@ -48,25 +60,12 @@ Item = TypeVar("Item")
 
 BROAD = 12  # more columns than this are not shown as a matrix
 MOST_ENTRIES = 4000  # a larger matrix is not read at all
-MUCH_SHORTER = 0.6  # of the operations over the basic symbols
-FEW_DIGITS = 6  # of a number in a table
-MOST_DIGITS = 7  # a decimal of more gets a name
 MOST_READ = 400  # entries of a term that is tried to be read
 MOST_NODES = 60_000  # operations of one
 MOST_ROWS = 40  # of a table that is printed whole
 KEPT = 10  # of a longer one
 LONG = 900  # characters of a display that is folded
 MOST_LINES = 14  # so is one of more lines
-WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
-
-
-@dataclass(frozen=True)
-class Meaning:
-    """A line of the table of symbols."""
-
-    latex: str
-    about: str
-    unit: str = ""
 
 
 class Manuscript:
@@ -98,6 +97,7 @@ class Manuscript:
         self.column = 0  # of the sections that follow, see Section
         self.rounded = False  # whether a number of a table was
         self.folding = False  # of displays that follow, whatever their length
+        self._told: set[tuple[str, int]] = set()  # what is told once in a column of the page
         self._explained = False  # what abbreviations are
         self._pending: list[Line] = []  # of symbols that the next display has to explain
         self._constants: dict[sympy.Float, sympy.Symbol] = {}
@@ -124,6 +124,10 @@ class Manuscript:
             anchor = f"section-{len(self._sections) + 1}"
             self._sections.append(Section(self._title, anchor, tuple(self._blocks), self._side))
 
+    def has_section(self, title: str) -> bool:
+        """Whether a section of this title is closed."""
+        return any(section.title == title for section in self._sections)
+
     def document(self, title: str, subtitle: str, version: str) -> Document:
         """All sections, formulas and laws so far."""
         self._close()
@@ -143,21 +147,37 @@ class Manuscript:
     def say(self, template: str, **given: str | Math | Ref) -> None:
         """A paragraph. `$…$` in our own text is mathematics (see names.bold); `{name}` in it is the
         user's text, or Math."""
-        self._blocks.append(Paragraph(runs(template, **given)))
+        self.add(runs(template, **given))
+
+    def add(self, text: Runs) -> None:
+        """A paragraph of runs."""
+        self._blocks.append(Paragraph(text))
+
+    def first(self, subject: str) -> bool:
+        """Whether this is the first time that a subject is told in this column of the page."""
+        told = (subject, self.column) in self._told
+        self._told.add((subject, self.column))
+        return not told
 
     def display(self, display: Display) -> None:
         """Equations that say how something is computed, and are no terms of the model."""
         self._blocks.append(display)
 
-    def table(self, head: Sequence[str], rows: Iterable[Sequence[Runs]]) -> None:
+    def table(
+        self, head: Sequence[str], rows: Iterable[Sequence[Runs]], most: int = MOST_ROWS
+    ) -> None:
         """Adds a table: a head of texts, and rows whose cells are runs of text and formulas."""
-        self.listing(head, list(rows), lambda row: row)
+        self.listing(head, list(rows), lambda row: row, most)
 
     def listing(
-        self, head: Sequence[str], items: Sequence[Item], row: Callable[[Item], Sequence[Runs]]
+        self,
+        head: Sequence[str],
+        items: Sequence[Item],
+        row: Callable[[Item], Sequence[Runs]],
+        most: int = MOST_ROWS,
     ) -> None:
         """A table of many things: a row for each, of long lists for the first and the last."""
-        if len(items) <= MOST_ROWS:
+        if len(items) <= most:
             rows = [tuple(row(x)) for x in items]
         else:
             count = len(items) - KEPT
@@ -170,9 +190,13 @@ class Manuscript:
         """Adds a list without numbers."""
         self._blocks.append(Items(tuple(items)))
 
-    def mean(self, latex: str, about: str, unit: str = "") -> None:
-        """A line for the table of symbols, in the short hand of names.bold."""
-        self.meanings.append(Meaning(names.bold(latex), about, unit))
+    def mean(
+        self, latex: str, about: str, unit: str | None = None, /, **given: str | Math | Ref
+    ) -> None:
+        """A line for the table of symbols, in the short hand of names.bold; `about` is a template
+        as in `say`. What has several units, or none of its own, is given none."""
+        printed = "" if unit is None else names.unit(unit)
+        self.meanings.append(Meaning(names.bold(latex), runs(about, **given), printed))
 
     def too_long(self, latex: str) -> None:
         """Says that a term is left out of the page and where it is to be had."""
@@ -282,11 +306,14 @@ class Manuscript:
     def formula(self, expression: Expression | float, about: str) -> Math:
         """A formula of the model inside a table; it too is evaluated by the test, but where it
         uses reactions, which are no part of the state."""
-        symbols = self.system.symbols
         number = isinstance(expression, float | int)
-        value = ca.SX(expression if number else symbols.scalar(expression))
+        value = ca.SX(expression if number else self.system.symbols.scalar(expression))
+        return self.term(value, about)
+
+    def term(self, value: ca.SX, about: str) -> Math:
+        """The same of a term over the symbols of the model's formulas."""
         if not value.is_constant():
-            value = ca.substitute(value, symbols.qd, self.system.qdot)
+            value = ca.substitute(value, self.system.symbols.qd, self.system.qdot)
         entries = self.reader.whole(value)
         if entries is None:
             return Math(r"\ldots")
@@ -317,7 +344,7 @@ class Manuscript:
     def _whole(self, value: ca.SX, most: int) -> list[sympy.Expr] | None:
         """Over the basic symbols, or over everything that has a name where that is much shorter."""
         whole, over_names = self.reader.whole(value, most), self.reader.over_names(value, most)
-        if over_names is not None and (whole is None or _much_shorter(over_names, whole)):
+        if over_names is not None and (whole is None or much_shorter(over_names, whole)):
             return over_names
         return whole
 
@@ -358,6 +385,8 @@ class Manuscript:
         if shown:
             column = ca.densify(value)[shown]
             self.lines(name, [symbols[i] for i in shown], [entries[i] for i in shown], column)
+        if 0 < len(shown) < len(entries) and self.first("zeros"):
+            self.say("Entries that are not listed are zero, here and below.")
         return True
 
     def matrix(
@@ -382,7 +411,7 @@ class Manuscript:
         symbols = self._entry_symbols(name, stem, value, symmetric)
         shown, beside = self._listed(name, rows, symbols, value, symmetric)
         self.exact[name] = rows
-        self.entries[name] = [_short_or_symbol(*pair) for pair in zip(rows, symbols)]
+        self.entries[name] = [short_or_symbol(*pair) for pair in zip(rows, symbols)]
         self.reader.name(value, [x for row in self.entries[name] for x in row])
         self._matrix(name, bold, symbols, shown, value, beside)
         return True
@@ -432,7 +461,7 @@ class Manuscript:
     def _pattern(self, bold: str, value: ca.SX) -> None:
         """Which entries are there, as a picture."""
         n, m = value.shape
-        marks = tuple("".join(_mark(value[i, j]) for j in range(m)) for i in range(n))
+        marks = tuple("".join(mark(value[i, j]) for j in range(m)) for i in range(n))
         self._blocks.append(Pattern(bold, marks))
 
     def _listed(
@@ -464,53 +493,7 @@ class Manuscript:
         return [column[i] for i in self.terms.independent]
 
 
-def _mark(x: ca.SX) -> str:
-    if x.is_zero():
-        return " "
-    return "1" if x.is_constant() else "x"
-
-
 def _is_long(lines: Sequence[Line]) -> bool:
     """Whether a display holds more than a reader takes in with the text."""
     total = sum(width("".join(line.right)) for line in lines)
     return len(lines) > MOST_LINES or total > LONG
-
-
-def rounded(x: sympy.Expr) -> sympy.Expr:
-    """A formula of a table with few digits in its numbers."""
-    numbers: set[sympy.Float] = x.atoms(sympy.Float)  # pyright: ignore[reportAssignmentType]
-    long = [n for n in numbers if len(digits(n)) > MOST_DIGITS]
-    return x.xreplace({n: sympy.Float(f"{float(n):.{FEW_DIGITS}g}") for n in long})
-
-
-def sum_of(weights: Sequence[sympy.Expr], terms: Sequence[sympy.Expr]) -> sympy.Expr:
-    """Σ weight · term."""
-    return sympy.Add(*[x * y for x, y in zip(weights, terms)])
-
-
-def _short_or_symbol(
-    row: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol]
-) -> list[sympy.Expr]:
-    return [x if simple(x) else symbol for x, symbol in zip(row, symbols)]
-
-
-def _much_shorter(x: Sequence[sympy.Expr], y: Sequence[sympy.Expr]) -> bool:
-    total = sum(map(operations, y))
-    return sum(map(operations, x)) < MUCH_SHORTER * total > WORTH_NAMES
-
-
-def runs(template: str, **given: str | Math | Ref) -> Runs:
-    """Text and mathematics in turn: `$…$` is our own, `{name}` is the user's text, or Math."""
-    parts: list[Run] = []
-    for i, part in enumerate(template.split("$")):
-        parts += [Math(names.bold(part))] if i % 2 else _filled(part, given)
-    return tuple(part for part in parts if part != Text(""))
-
-
-def _filled(template: str, given: dict[str, str | Math | Ref]) -> list[Run]:
-    """Text around {name} places."""
-    runs: list[Run] = []
-    for i, part in enumerate(template.replace("{", "}").split("}")):
-        value = given[part] if i % 2 else part
-        runs.append(Text(value) if isinstance(value, str) else value)
-    return runs

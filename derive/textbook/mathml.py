@@ -16,6 +16,8 @@ _RAISED = re.compile(
     r"(<msup><mo [^>]*>[a-z]+</mo><mrow>(?:(?!</msup>).)*</mrow></msup>)(?!<mrow><mo stretchy)"
 )
 _DIGIT = re.compile(r"\\mathbf\{(\d)\}")  # a digit loses its bold face in latex2mathml
+_ALONE = re.compile(r"\\mathrm\{([A-Za-z])\}")  # and a letter alone its upright one
+_LETTER = re.compile(r"<mtext>([A-Za-z])</mtext>")
 ROW, END = "<mrow>", "</mrow></math>"
 _TOKEN = re.compile(
     r"\\(?:begin|end)\{\w+\}|\\(?:left|right)(?![a-z])|\\[A-Za-z]+|\\.|[^\\{}+\-]+|."
@@ -31,11 +33,13 @@ _BOLD_GREEK_CAPITAL = 0x1D6A8 - 0x391
 def mathml(latex: str, display: bool = False) -> str:
     """One <math> element."""
     latex = _DIGIT.sub(lambda m: chr(0x1D7CE + int(m[1])), latex)
+    latex = _ALONE.sub(r"\\text{\1}", latex)
     text = f"<math><mrow>{''.join(map(_converted, _factors(latex)))}</mrow></math>"
     text = _UPRIGHT.sub(
         lambda m: f"<mi>{_letters(m[1])}</mi>" if len(_letters(m[1])) > 1 else m[0], text
     )
     text = _BOLD.sub(lambda m: f"<mi>{_bold(unescape(m[1]))}</mi>", text)
+    text = _LETTER.sub(r'<mi mathvariant="normal">\1</mi>', text)
     text = text.replace("&#x003D5;", "&#x003C6;").replace(
         "<mi>&#x1D5B3;</mi>", '<mi mathvariant="normal">T</mi>'
     )

@@ -87,7 +87,7 @@ def _udwadia_kalaba(doc: Manuscript) -> None:
     doc.section("Udwadia and Kalaba's equation")
     doc.say("Without the constraints the accelerations would be $!a$:")
     doc.law("free accelerations", r"!M\,!a", r"!Q - !h", ca.mtimes(s.M, free) - s.Q + s.h)
-    doc.mean(r"!a", "accelerations without constraints, M⁻¹ (Q − h)")
+    doc.mean(r"!a", "accelerations without constraints, $!M^{-1}(!Q-!h)$")
     if s.rows:
         _fundamental(doc, s.M, free, r"!M")
         doc.say(
@@ -110,7 +110,7 @@ def _fundamental(doc: Manuscript, M: ca.SX, free: ca.SX, mass: str) -> None:
         r"!\beta - !A\,!a",
         ca.mtimes(G, doc.terms.named("lam_kept")) - missing,
     )
-    doc.mean(r"!G", f"resistance of the constraint rows, A {mass.replace('!', '')}⁻¹ Aᵀ")
+    doc.mean(r"!G", f"resistance of the constraint rows, $!A\\,{mass}^{{-1}}!A^T$")
     doc.say("The explicit equation of constrained motion is:")
     forces = ca.mtimes(A.T, _solved(G, missing))
     doc.law(
@@ -170,7 +170,7 @@ def _weighted(doc: Manuscript) -> None:
         r"!W,\; !M_A,\; !F_A",
         "weights of the rows, mass matrix and force with the constraints added",
     )
-    doc.mean(r"!a", "accelerations that M_A and F_A give by themselves")
+    doc.mean(r"!a", "accelerations that $!M_A$ and $!F_A$ give by themselves")
 
 
 def _recursive(doc: Manuscript) -> None:
@@ -188,7 +188,7 @@ def _recursive(doc: Manuscript) -> None:
         doc.state(r"\det !M", r"\prod_i D_i")
     doc.say("The pivots, in the order of the generalized velocities, are:")
     doc.vector("D", "D", D)
-    doc.mean(r"D_i", "pivots of the recursion, M = U D Uᵀ")
+    doc.mean(r"D_i", "pivots of the recursion, $!M=!U\\,!D\\,!U^T$")
 
 
 def _product(column: ca.SX) -> ca.SX:

@@ -18,32 +18,40 @@ def unprojected(doc: Manuscript) -> None:
     if system.rows:
         forces = " The multipliers $!\\lambda$ are forces along the constraint rows."
     right = r"!Q + !A^T!\lambda" if system.rows else "!Q"
-    doc.say(
-        "Collected for the generalized velocities, Newton and Euler's equations of all bodies are "
-        f"as follows.{forces}"
-    )
+    whose = "Newton and Euler's equations of all bodies" if system.links else "Lagrange's equations"
+    doc.say(f"Collected for the generalized velocities, {whose} are as follows.{forces}")
     doc.law("motion", r"!M\,!!v + !h", right, _balance(doc))
     bias(doc)
-    doc.mean(r"!M,\; !h,\; !Q", "mass matrix, bias, applied forces: M v̇ + h = Q + Aᵀ λ")
+    doc.mean(r"!M,\; !h,\; !Q", "mass matrix, bias, applied forces")
 
 
 def mass(doc: Manuscript) -> None:
     """M, T = ½ vᵀ M v."""
-    origin = ", of composite bodies (Walker and Orin)" if doc.system.links else ""
-    where = "" if doc.system.homogeneous else " of the part of T that is quadratic in the rates"
-    doc.say(f"The mass matrix{where}, $T=\\tfrac{{1}}{{2}}\\,!v^T!M\\,!v$, is symmetric{origin}:")
+    energy, law = "the kinetic energy", r"T=\tfrac{1}{2}\,!v^T!M\,!v"
+    if not doc.system.homogeneous:
+        energy = "the part of the kinetic energy that is quadratic in the rates"
+        law = r"T_2=\tfrac{1}{2}\,!v^T!M\,!v"
+    origin = ", put together from composite bodies (Walker and Orin)" if doc.system.links else ""
+    doc.say(
+        f"Written in the generalized velocities {energy} is ${law}$ with the symmetric mass matrix "
+        f"$!M${origin}:"
+    )
     doc.matrix("M", r"!M", "M", doc.system.M, symmetric=True)
 
 
 def applied(doc: Manuscript) -> None:
     """Q."""
+    if doc.system.Q.is_zero():
+        doc.vector("Q", "Q", doc.system.Q)
+        doc.say("There are no applied forces: $!Q=!0$.")
+        return
     doc.say("The applied forces, each along its generalized velocity, are:")
     force_column(doc, "Q", "Q", doc.system.Q, r"!Q")
 
 
 def bias(doc: Manuscript) -> None:
     """h; once on a page."""
-    if "h" in doc.entries:
+    if not doc.first("bias"):
         return
     origin = ""
     if doc.system.links:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import casadi as ca
 import sympy
 
-from derive.textbook.manuscript import Manuscript, sum_of
+from derive.textbook.layout import sum_of
+from derive.textbook.manuscript import Manuscript
+from derive.textbook.names import words
 from derive.textbook.records import Math, Runs, Text
 
 
@@ -15,7 +17,7 @@ def multipliers(doc: Manuscript) -> None:
     if not rows:
         return
     doc.section("Multipliers")
-    doc.mean(r"!\lambda", "multipliers, forces along the constraint rows: M v̇ + h = Q + Aᵀ λ")
+    doc.mean(r"!\lambda", "multipliers, forces along the constraint rows")
     if doc.equations.generalized_velocities:
         doc.say("The multipliers are part of the solution of the bordered system.")
         return
@@ -59,20 +61,20 @@ def _law(doc: Manuscript) -> None:
 
 
 def _row(i: int, name: str) -> tuple[Runs, Runs]:
-    return (Math(rf"\lambda_{{{i + 1}}}"),), (Text(name),)
+    return (Math(rf"\lambda_{{{i + 1}}}"),), (Text(words(name)),)
 
 
 def _recovered(doc: Manuscript) -> None:
     """v̇, ρ and λ, entry by entry."""
     accelerations = _accelerations(doc)
-    doc.say("The forces that are missing are:")
+    doc.say("So the forces of the constraints on the generalized velocities are:")
     h, Q = ([row[0] for row in doc.entries[name]] for name in ("h", "Q"))
     forces = [
         sum_of(row, accelerations) + bias - force
         for row, bias, force in zip(doc.entries["M"], h, Q)
     ]
     doc.vector("rho", r"\rho", _missing(doc), forces)
-    doc.mean(r"!\rho", "forces of the constraints on the generalized velocities, M v̇ + h − Q")
+    doc.mean(r"!\rho", "forces of the constraints on the generalized velocities, $!M\\,!!v+!h-!Q$")
     doc.say("The multipliers are:")
     forces = [row[0] for row in doc.entries["rho"]]
     rows = doc.terms.independent

@@ -161,3 +161,15 @@ def unit(text: str) -> str:
     powers = {"2": "²", "3": "³", "4": "⁴"}
     printed = re.sub(r"\^([234])\b", lambda m: powers[m[1]], text).replace("*", "·")
     return "–" if printed in ("", "1") else printed
+
+
+def words(name: str) -> str:
+    """A body's, joint's or constraint's name as it is read: rear_axle → rear axle."""
+    return name.replace("_", " ")
+
+
+def per_second(text: str) -> str:
+    """The unit of a rate: m/s → m/s^2."""
+    if text in ("", "1"):
+        return "1/s"
+    return f"{text}^2" if text.endswith("/s") else f"{text}/s"

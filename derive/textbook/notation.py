@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import sympy
 
+from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.model.records import Velocity
 from derive.textbook import names
@@ -171,3 +172,12 @@ def _alone(B: ca.SX) -> dict[int, int]:
         for i, j, entry in zip(rows, columns, B.nonzeros())
         if many[i] == 1 and entry.is_constant() and float(entry) == 1.0
     }
+
+
+def symbols_of(equations: Equations) -> dict[str, str]:
+    """LaTeX of parameters, states and inputs by their names, as formulas have them."""
+    notation = Notation(Terms(equations))
+    groups = [equations.argument(name) for name in "pxu"]
+    symbols = {name: notation.typeset(name) for group in groups for name in group.labels}
+    symbols |= {str(symbol): latex for symbol, latex in notation.latex.items()}
+    return symbols | {name: notation.latex[w] for name, w in zip(equations.w, notation.w)}

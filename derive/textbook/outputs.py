@@ -45,7 +45,7 @@ def _formula(doc: Manuscript, name: str, value: ca.SX, unit: str) -> None:
     else:
         doc.lines(f"output {name}", symbols, entries, ca.densify(value))
     for latex in labels:
-        doc.mean(latex, f"output {name}", unit)
+        doc.mean(latex, "output {name}", unit, name=name)
 
 
 def _labels(name: str, count: int) -> list[str]:

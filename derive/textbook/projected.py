@@ -11,13 +11,16 @@ from collections.abc import Sequence
 import casadi as ca
 import sympy
 
+from derive.textbook.choice import themselves
 from derive.textbook.compose import operations
 from derive.textbook.elimination import Elimination
 from derive.textbook.forces import balance, column_bias, column_force
 from derive.textbook.inverse import accelerations
-from derive.textbook.layout import Rows
-from derive.textbook.manuscript import Manuscript, sum_of
+from derive.textbook.layout import Rows, sum_of
+from derive.textbook.manuscript import Manuscript
 from derive.textbook.motion import bias, force_column
+from derive.textbook.names import per_second
+from derive.textbook.records import Math
 
 SHORT = 40  # operations of an entry of M_w, h_w or f_w that is printed multiplied out
 LONG_SUM = 30  # operations beyond which products of matrices are printed in two steps
@@ -40,8 +43,29 @@ def final(doc: Manuscript) -> None:
     doc.law("projected", FINAL, r"!f_w", balance(doc.terms, doc.terms.wdot), boxed=True)
     doc.mean(
         r"!M_w,\; !h_w,\; !f_w",
-        "mass matrix, bias and applied force of the quasi-velocities: M_w ẇ + h_w = f_w",
+        "mass matrix, bias and applied force of the quasi-velocities, $!M_w\\,!!w+!h_w=!f_w$",
     )
+    if themselves(doc) and not doc.terms.has("Y"):
+        _terms_from_above(doc)
+    else:
+        _projected_terms(doc)
+    _solved(doc)
+
+
+def _terms_from_above(doc: Manuscript) -> None:
+    """Where S is one."""
+    bias(doc)
+    doc.say("They are those from above: $!M_w=!M$, $!h_w=!h$ and $!f_w=!Q$.")
+    s = doc.system
+    doc.check("M_w law", doc.terms.named("M_w") - s.M)
+    doc.check("h_w law", column_bias(doc.terms) - s.h)
+    doc.check("f_w law", column_force(doc.terms) - s.Q)
+    for name, above in (("M_w", "M"), ("h_w", "h"), ("f_w", "Q")):
+        if above in doc.entries:
+            doc.entries[name] = doc.entries[above]
+
+
+def _projected_terms(doc: Manuscript) -> None:
     M, S = doc.system.M, doc.terms.named("S")
     doc.say("The mass matrix of the quasi-velocities is that of the directions $!S$:")
     doc.law("M_w law", r"!M_w", r"!S^T!M\,!S", doc.terms.named("M_w") - ca.mtimes([S.T, M, S]))
@@ -49,7 +73,6 @@ def final(doc: Manuscript) -> None:
     doc.say("The bias collects what is left where $!!w=!0$, the force what is applied:")
     _column_laws(doc)
     _columns(doc)
-    _solved(doc)
 
 
 def _column_laws(doc: Manuscript) -> None:
@@ -68,6 +91,7 @@ def _mass(doc: Manuscript) -> None:
         doc.matrix("M_w", r"!M_w", "M^{w}", M_w, short, symmetric=True)
         return
     if not {"M", "S"} <= doc.entries.keys():
+        doc.too_long(r"\mathbf{M}_w")
         return
     rows = _triple_product(doc.entries["S"], doc.entries["M"])
     if max(operations(x) for row in rows for x in row) > LONG_SUM:
@@ -82,7 +106,7 @@ def _by_momenta(doc: Manuscript) -> Rows:
     doc.say("In two steps, the momenta per quasi-velocity are $!P=!M\\,!S$:")
     momenta = [sum_of(row, column) for row in doc.entries["M"] for column in zip(*S)]
     doc.matrix("P", r"!P", "P", ca.mtimes(doc.system.M, doc.terms.named("S")), momenta)
-    doc.mean(r"!P", "momenta per quasi-velocity, M S")
+    doc.mean(r"!P", "momenta per quasi-velocity, $!M\\,!S$")
     columns = list(zip(*doc.entries["P"]))
     return [[sum_of(s, p) for p in columns] for s in zip(*S)]
 
@@ -126,13 +150,14 @@ def _said_if_none(doc: Manuscript, name: str, bold: str) -> None:
 def _bias_in_steps(doc: Manuscript, h_w: ca.SX) -> None:
     """Over F = h + M σ."""
     if not {"M", "S", "h", "sigma"} <= doc.entries.keys():
+        doc.too_long(r"\mathbf{h}_w")
         return
     doc.say("In two steps, the bias where $!!w=!0$ is $!F=!h+!M\\,!\\sigma$, and $!h_w=!S^T!F$:")
     h, sigma = _column(doc, "h"), _column(doc, "sigma")
     F = [x + sum_of(row, sigma) for x, row in zip(h, doc.entries["M"])]
     s = doc.system
     doc.vector("F", "F", s.h + ca.mtimes(s.M, doc.terms.named("sigma")), F)
-    doc.mean(r"!F", "bias in the generalized velocities where ẇ = 0, h + M σ")
+    doc.mean(r"!F", "bias in the generalized velocities where $!!w=!0$, $!h+!M\\,!\\sigma$")
     at_rest = _column(doc, "F")
     doc.vector("h_w", "h^{w}", h_w, [sum_of(s, at_rest) for s in zip(*doc.entries["S"])])
 
@@ -143,10 +168,13 @@ def _column(doc: Manuscript, name: str) -> list[sympy.Expr]:
 
 def _solved(doc: Manuscript) -> None:
     """ẇ: a quotient, Cramer's rule for two, elimination for more."""
-    if not {"M_w", "h_w", "f_w"} <= doc.entries.keys():
-        return
-    if len(doc.w) > MOST_SPEEDS:
-        doc.say("These linear equations are solved by an unrolled $!L\\,!D\\,!L^T$ decomposition.")
+    if not {"M_w", "h_w", "f_w"} <= doc.entries.keys() or len(doc.w) > MOST_SPEEDS:
+        doc.say(
+            "Solved for $!!w$ by a symmetric decomposition, $!M_w=!L\\,!D\\,!L^T$, the equations "
+            "of motion are explicit:"
+        )
+        residual = balance(doc.terms, doc.terms.wdot)
+        doc.law("explicit", r"!!w", r"!M_w^{-1}\left(!f_w - !h_w\right)", residual, boxed=True)
         return
     M = doc.entries["M_w"]
     f = [x - y for x, y in zip(_column(doc, "f_w"), _column(doc, "h_w"))]
@@ -188,5 +216,7 @@ def _cramer(doc: Manuscript, M: Rows, f: Sequence[sympy.Expr]) -> None:
 def _accelerations(doc: Manuscript, expressions: Sequence[sympy.Expr]) -> None:
     doc.rates = [doc.notation.rate(symbol) for symbol in doc.w]
     doc.lines("wdot", doc.rates, expressions, doc.terms.wdot, boxed=True)
-    for symbol, rate in zip(doc.w, doc.rates):
-        doc.mean(doc.notation.latex[rate], f"rate of {symbol.name}")
+    units = doc.equations.argument("x").units[doc.equations.speeds]
+    for symbol, rate, unit in zip(doc.w, doc.rates, units):
+        of = Math(doc.notation.latex[symbol])
+        doc.mean(doc.notation.latex[rate], "rate of {of}", per_second(unit), of=of)

@@ -129,6 +129,15 @@ class Section:
     column: int = 0
 
 
+@dataclass(frozen=True)
+class Meaning:
+    """A line of the table of symbols."""
+
+    latex: str
+    about: Runs
+    unit: str
+
+
 @dataclass(frozen=True, eq=False)
 class Document:
     """A derivation from title to last section, independent of how it is written down."""

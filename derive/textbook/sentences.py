@@ -12,7 +12,7 @@ from typing import Any, cast
 
 from sympy import Symbol
 
-from derive.expressions.tree import ONE, Expression
+from derive.expressions.tree import ONE, Expression, Name, walk
 from derive.model.constraint_records import Distance, Holonomic, Nonholonomic, NoSlip, Rolling
 from derive.model.load_records import (
     Contact,
@@ -25,9 +25,11 @@ from derive.model.load_records import (
     Tension,
     Torque,
 )
-from derive.model.records import GROUND, Closure, Input, Placement
+from derive.model.records import GROUND, Closure, Coordinate, Input, Placement, Velocity
 from derive.textbook import names
-from derive.textbook.manuscript import Manuscript, runs
+from derive.textbook.manuscript import Manuscript
+from derive.textbook.names import words
+from derive.textbook.prose import runs
 from derive.textbook.records import Math, Run, Runs, Text
 
 AXES = "xyz"
@@ -72,9 +74,9 @@ def closure(doc: Manuscript, x: Closure) -> Runs:
     first, second = (place(doc, at) for at in x.placements)
     return runs(
         "a point of {one} at {first} stays on a point of {other} at {second}",
-        one=x.bodies[0],
+        one=words(x.bodies[0]),
         first=first,
-        other=x.bodies[1],
+        other=words(x.bodies[1]),
         second=second,
     )
 
@@ -114,23 +116,23 @@ def _symbol(
 def _no_slip(doc: Manuscript, x: NoSlip) -> Runs:
     return runs(
         "the point of {body} at {point} has no velocity along its direction {direction}",
-        body=x.body,
+        body=words(x.body),
         point=point(doc, x.point, x.name),
         direction=point(doc, x.direction, x.name),
     )
 
 
 def _rolling(doc: Manuscript, x: Rolling) -> Runs:
-    radius, normal = doc.formula(x.radius, x.name), point(doc, x.normal, x.name)
+    radius, normal = _measured(doc, x.radius, x.name, "m"), point(doc, x.normal, x.name)
     axis = point(doc, x.axis, x.name)
     about = "" if x.shape == "sphere" else " about its axis {axis}"
-    of = "" if x.carrier == GROUND else f"of {x.carrier} "
+    of = "" if x.carrier == GROUND else f"of {words(x.carrier)} "
     ground = (
         f"the plane {of}normal to {{normal}}" if x.surface is None else f"a surface {of}".strip()
     )
     return runs(
         "{body}, a {shape} of radius {radius}" + about + f", rolls without slip on {ground}",
-        body=x.body,
+        body=words(x.body),
         shape=x.shape,
         radius=radius,
         axis=axis,
@@ -149,28 +151,44 @@ def _distance(doc: Manuscript, x: Distance) -> Runs:
     first, second = (point(doc, entries, x.name) for entries in x.points)
     return runs(
         "the points of {one} at {first} and of {other} at {second} stay apart by {length}",
-        one=x.bodies[0],
+        one=words(x.bodies[0]),
         first=first,
-        other=x.bodies[1],
+        other=words(x.bodies[1]),
         second=second,
-        length=doc.formula(x.length, x.name),
+        length=_measured(doc, x.length, x.name, "m"),
     )
+
+
+def _measured(doc: Manuscript, x: Expression, about: str, unit: str) -> Math:
+    """A formula, and the unit (LaTeX, upright) of one that is a number."""
+    formula = doc.formula(x, about)
+    if not unit or any(isinstance(part, Name) for part in walk(x)):
+        return formula
+    return Math(rf"{formula.latex}\;\mathrm{{{unit}}}")
 
 
 def _joint_spring(doc: Manuscript, x: JointSpring) -> Runs:
+    turns = _turns(doc.system.model.coordinates, x.coordinate, "rad")
     return runs(
         "spring on {coordinate}: stiffness {stiffness}, at rest at {rest}",
         coordinate=_coordinate(doc, x.coordinate),
-        stiffness=doc.formula(x.stiffness, x.name),
-        rest=doc.formula(x.rest, x.name),
+        stiffness=_measured(doc, x.stiffness, x.name, r"N\,m/rad" if turns else "N/m"),
+        rest=_measured(doc, x.rest, x.name, "rad" if turns else "m"),
     )
 
 
+def _turns(declared: Sequence[Coordinate] | Sequence[Velocity], name: str, unit: str) -> bool:
+    """Whether it is an angle, or an angular velocity."""
+    return any(x.name == name and x.unit == unit for x in declared)
+
+
 def _joint_damper(doc: Manuscript, x: JointDamper) -> Runs:
+    turns = _turns(doc.system.model.velocities, x.velocity, "rad/s")
+    unit = r"N\,m\,s/rad" if turns else r"N\,s/m"
     return runs(
         "damper on {velocity}: coefficient {coefficient}",
         velocity=_velocity(doc, x.velocity),
-        coefficient=doc.formula(x.coefficient, x.name),
+        coefficient=_measured(doc, x.coefficient, x.name, unit),
     )
 
 
@@ -178,18 +196,18 @@ def _point_spring(doc: Manuscript, x: PointSpring) -> Runs:
     return runs(
         "spring between {one} and {other}: stiffness {stiffness}, length {length}, damping "
         "{damping}",
-        one=x.bodies[0],
-        other=x.bodies[1],
-        stiffness=doc.formula(x.stiffness, x.name),
-        length=doc.formula(x.length, x.name),
-        damping=doc.formula(x.damping, x.name),
+        one=words(x.bodies[0]),
+        other=words(x.bodies[1]),
+        stiffness=_measured(doc, x.stiffness, x.name, "N/m"),
+        length=_measured(doc, x.length, x.name, "m"),
+        damping=_measured(doc, x.damping, x.name, r"N\,s/m"),
     )
 
 
 def _tension(doc: Manuscript, x: Tension) -> Runs:
     return runs(
         "pull along the path {path}: {tension} N",
-        path=x.path.name,
+        path=words(x.path.name),
         tension=doc.formula(x.tension, x.name),
     )
 
@@ -198,12 +216,12 @@ def _contact(doc: Manuscript, x: Contact) -> Runs:
     return runs(
         "contact of {body}, a {shape}, with {what} of {carrier}: stiffness {stiffness}, damping "
         "{damping}, friction {friction}, smoothed below {smoothing} m/s",
-        body=x.body,
+        body=words(x.body),
         shape=x.shape,
         what="a plane" if x.surface is None else "a surface",
-        carrier=x.carrier,
-        stiffness=doc.formula(x.stiffness, x.name),
-        damping=doc.formula(x.damping, x.name),
+        carrier=words(x.carrier),
+        stiffness=_measured(doc, x.stiffness, x.name, "N/m"),
+        damping=_measured(doc, x.damping, x.name, "s/m"),
         friction=doc.formula(x.friction, x.name),
         smoothing=doc.formula(x.smoothing, x.name),
     )
@@ -212,7 +230,7 @@ def _contact(doc: Manuscript, x: Contact) -> Runs:
 def _force(doc: Manuscript, x: Force) -> Runs:
     return runs(
         "force on {body} at {point}: {force} N in {axes}",
-        body=x.body,
+        body=words(x.body),
         point=point(doc, x.point, x.name),
         force=point(doc, x.components, x.name),
         axes=_axes(x),
@@ -222,7 +240,7 @@ def _force(doc: Manuscript, x: Force) -> Runs:
 def _torque(doc: Manuscript, x: Torque) -> Runs:
     return runs(
         "torque on {body}: {torque} N·m in {axes}",
-        body=x.body,
+        body=words(x.body),
         torque=_vector(doc, x.components, x.name),
         axes=_axes(x),
     )
@@ -231,7 +249,7 @@ def _torque(doc: Manuscript, x: Torque) -> Runs:
 def _exhaust(doc: Manuscript, x: Exhaust) -> Runs:
     return runs(
         "matter leaves {body} at {point} with {velocity} m/s relative to it, in its own axes",
-        body=x.body,
+        body=words(x.body),
         point=point(doc, x.point, x.name),
         velocity=point(doc, x.velocity, x.name),
     )
@@ -261,7 +279,7 @@ def _field(doc: Manuscript, name: str, value: Any) -> Runs:
     """One field of a declaration; nothing where it is neither a name nor a quantity."""
     label = name.replace("_", " ")
     if name in NAMES:
-        return (Text(value if isinstance(value, str) else ", ".join(value)),)
+        return (Text(words(value if isinstance(value, str) else ", ".join(value))),)
     if name in UNSAID:
         return ()
     if isinstance(value, Expression):

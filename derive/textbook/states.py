@@ -20,7 +20,7 @@ def first_order_states(doc: Manuscript) -> None:
     rows: list[tuple[Runs, ...]] = []
     for symbol, state in zip(doc.z, states):
         latex = doc.notation.latex[symbol]
-        doc.mean(latex, state.about or f"state {state.name}", state.unit)
+        doc.mean(latex, "{about}", state.unit, about=state.about or f"state {state.name}")
         start = doc.formula(state.initial, f"initial {state.name}")
         rows.append(
             ((Math(latex),), (start,), (Text(names.unit(state.unit)),), (Text(state.about),))

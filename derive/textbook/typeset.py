@@ -15,6 +15,7 @@ from derive.textbook.measure import letters
 
 LINE = 62  # visible characters in one line of a sum
 PIECE = 20  # of a part that is not broken
+ALONE = 4  # of a factor that no line ends after
 CALLED = {
     "sin": r"\sin",
     "cos": r"\cos",
@@ -33,6 +34,8 @@ CALLED = {
     "sign": r"\mathrm{sign}",
 }
 _WORD = re.compile(r"\\(sin|cos|tan|arcsin|arccos|arctan|ln|min|max)(?![A-Za-z])")
+_BEGINS = re.compile(r"(\\d?dot\{)?\\mathrm\{[^{}]{2,}\}")  # a name that is a word
+_ENDS = re.compile(r"\\mathrm\{[^{}]{2,}\}\}?$")
 _ENTRY = re.compile(r"[A-Z]\w*\[\d+,\d+\]")  # of a matrix
 _COMMAND = re.compile(
     r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}|dot|ddot|bar|Bigl|Bigr)(?![A-Za-z])|[{}^_\s]|\\,"
@@ -102,6 +105,8 @@ class Typesetter:
         for f in sorted(after, key=self._place_in_product):
             own = self._factor_pieces(f)
             own[0] = rf"\, {own[0]}" if pieces else own[0]
+            if pieces and width(pieces[-1]) <= ALONE:  # a short factor stays with the next
+                own[0] = pieces.pop() + own[0]
             pieces += own
         return [("-" if negative else "") + pieces[0], *pieces[1:]]
 
@@ -157,7 +162,13 @@ class Typesetter:
             return "1"
         if len(factors) == 1:
             return self._sum(factors[0]) if factors[0].is_Add else self._factor(factors[0])
-        return r" \, ".join(self._factor(f) for f in sorted(factors, key=self._place_in_product))
+        first, *rest = [self._factor(f) for f in sorted(factors, key=self._place_in_product)]
+        product = first
+        for before, factor in zip([first, *rest], rest):
+            # words without a sign between them would read as one name
+            sign = r" \cdot " if _ENDS.search(before) and _BEGINS.match(factor) else r" \, "
+            product += sign + factor
+        return product
 
     def _place_in_product(self, factor: Expr) -> tuple[object, ...]:
         base = factor.base if factor.is_Pow else factor
@@ -227,7 +238,7 @@ def merged(pieces: Sequence[str], line: float = LINE) -> tuple[str, ...]:
 
 def digits(x: Expr) -> str:
     """The significant digits of a number."""
-    return f"{abs(float(x)):.15e}".partition("e")[0].replace(".", "").rstrip("0")
+    return f"{abs(float(x)):.14e}".partition("e")[0].replace(".", "").rstrip("0")
 
 
 def _raisable(name: str) -> str:

@@ -51,6 +51,11 @@ class Chapter:
     motion: Motion | None
     refusal: str
 
+    @property
+    def title(self) -> str:
+        """The name of the model as words."""
+        return self.name.replace("_", " ")
+
 
 def attempt(path: str) -> Chapter | str:
     """The chapter, or in one line why there is none: what goes from one process to another."""

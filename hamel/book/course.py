@@ -15,7 +15,6 @@ from codegen.runtime.simulation import Simulation
 from derive.choices.survey import survey_of
 from derive.diagnostics import AssumptionError
 from derive.formulations.charts import charted
-from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from hamel import charts
 from hamel.book.limits import (
@@ -105,13 +104,13 @@ def _made(problem: Problem, by: Equations) -> Iterator[Course]:
     with temporary_module(by, METHODS, (enforcement,), names) as module:
         assure(problem.plain, by, module)
         try:
-            made = _first(problem, based(by), module, by)
+            made = _first(problem, by, module)
         except AssumptionError as error:
             raise _Singular(str(error)) from None
         yield made
 
 
-def _first(problem: Problem, seen: Equations, module: ModuleType, by: Equations) -> Course:
+def _first(problem: Problem, by: Equations, module: ModuleType) -> Course:
     """The longest motion that does not take too long."""
     u, p, initial = problem.u, problem.p, problem.initial
     if by.charts or by.frame:
@@ -122,15 +121,15 @@ def _first(problem: Problem, seen: Equations, module: ModuleType, by: Equations)
         times = np.linspace(0.0, span, ROWS + 1)
         start = motion.Start(times, x, u, p, chart_)
         try:
-            simulation = _integrated_by(module, seen, problem, start, METHODS[0], METHOD.rtol)
+            simulation = _integrated_by(module, by, problem, start, METHODS[0], METHOD.rtol)
         except _TooLong:
             continue
         if simulation.steps > MOST_STEPS and span != SPANS[-1]:
             continue
         used = replace(METHOD, enforcement=problem.enforcement.name)
-        source = Source(seen, module, u, p, used, initial)
+        source = Source(by, module, u, p, used, initial)
         record = simulated(source, simulation, 0.0)
-        return Course(problem, seen, module, start, span, record)
+        return Course(problem, by, module, start, span, record)
     raise AssumptionError(f"{SPANS[-1]:g} s of motion take longer than {LIMIT:g} s")
 
 
@@ -140,7 +139,7 @@ def _integrated(course: Course, start: motion.Start, integrator: str, rtol: floa
 
 def _integrated_by(
     module: ModuleType,
-    seen: Equations,
+    by: Equations,
     problem: Problem,
     start: motion.Start,
     integrator: str,
@@ -153,7 +152,7 @@ def _integrated_by(
         if time.process_time() > end:
             raise _TooLong
 
-    return motion.integrated(module, seen, start, stepping, watch)
+    return motion.integrated(module, by, start, stepping, watch)
 
 
 # ---- what accuracy costs

@@ -7,8 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 
+from derive.formulations.frames import based
 from derive.mechanics.records import Row
+from derive.textbook.mathml import mathml
+from derive.textbook.names import dotted, per_second, symbol, unit
+from derive.textbook.notation import symbols_of
 from hamel.book.course import Course
 from hamel.book.limits import DIGITS, NOTHING
 
@@ -45,11 +50,24 @@ def _states(course: Course) -> Sequence[str]:
 
 
 def _values(
-    course: Course, names: Sequence[str], numbers: Values, per: str = ""
+    course: Course, names: Sequence[str], numbers: Values, rates: bool = False
 ) -> tuple[tuple[str, str, str], ...]:
-    units = course.record.units
-    rows = zip(names, number_texts(numbers), (units.get(name, "") for name in names))
-    return tuple((f"{per}{name}", text, unit if not per else "") for name, text, unit in rows)
+    """Symbol, number and unit of each; of the rate of each where these are `rates`."""
+    units = [course.record.units.get(name, "") for name in names]
+    if rates:
+        units = [per_second(unit) for unit in units]
+    symbols = [_symbol(course, name, rates) for name in names]
+    return tuple(zip(symbols, number_texts(numbers), map(_unit, units)))
+
+
+def _symbol(course: Course, name: str, rate: bool = False) -> Markup:
+    """As the formulas have it; quasi-velocities of further charts are spelled."""
+    latex = symbols_of(based(course.equations)).get(name) or symbol(name)
+    return Markup(mathml(dotted(latex) if rate else latex))
+
+
+def _unit(text: str) -> str:
+    return unit(text) if text not in ("", "1") else ""
 
 
 def number_texts(numbers: Values) -> list[str]:
@@ -93,7 +111,7 @@ def _acceleration(course: Course) -> Iterator[Exercise]:
         "Put the state of the table into the boxed equations, with all inputs at their values "
         "there. What are the rates of the quasi-velocities?",
         "The function dynamics of the module gives",
-        _values(course, _speeds(course), _rates(course, course.start.u, course.start.p), "d/dt "),
+        _values(course, _speeds(course), _rates(course, course.start.u, course.start.p), True),
     )
 
 
@@ -107,10 +125,17 @@ def _energy(course: Course) -> Iterator[Exercise]:
     told = "stays the same, but for rounding" if small else f"changes by {_text(change)} J"
     by = f"; forces without potential did {_text(float(work[-1]))} J of work" if not small else ""
     yield Exercise(
-        f"Which energies does the mechanism have at the start, and what becomes of T + V in "
-        f"{course.span:g} s?",
-        f"T = {_text(float(T[0]))} J and V = {_text(float(V[0]))} J. The sum {told}{by}.",
+        Markup(
+            "Which energies does the mechanism have at the start, and what becomes of {} in {:g} s?"
+        ).format(_math("T+V"), course.span),
+        Markup("{} = {} J and {} = {} J. The sum {}{}.").format(
+            _math("T"), _text(float(T[0])), _math("V"), _text(float(V[0])), told, by
+        ),
     )
+
+
+def _math(latex: str) -> Markup:
+    return Markup(mathml(latex))
 
 
 def _text(x: float) -> str:
@@ -125,7 +150,7 @@ def _reaction(course: Course) -> Iterator[Exercise]:
     values = course.value("reactions", course.start.u, course.start.p)
     yield Exercise(
         "The equations have no multipliers. Find the forces that hold the constraints at the "
-        "start nevertheless, from M v̇ + h = Q + Aᵀλ.",
+        "start nevertheless, from the equations with multipliers.",
         "The function reactions of the module gives, row by row,",
         tuple((name, text, "") for name, text in zip(_names(rows, values), number_texts(values))),
     )
@@ -147,12 +172,14 @@ def _input(course: Course) -> Iterator[Exercise]:
     pushed = u.copy()
     pushed[0] += PUSH
     change = _rates(course, pushed, p) - _rates(course, u, p)
-    unit = f" {inputs[0].unit}" if inputs[0].unit else ""
+    question = Markup(
+        "Raise the input {} by {:g} {} at the start. By how much do the rates of the "
+        "quasi-velocities change?"
+    )
     yield Exercise(
-        f"Raise the input {inputs[0].name} by {PUSH:g}{unit} at the start. By how much do the "
-        "rates of the quasi-velocities change?",
+        question.format(_symbol(course, inputs[0].name), PUSH, _unit(inputs[0].unit)),
         "The equations are affine in the inputs; the difference of two values of dynamics is",
-        _values(course, _speeds(course), change, "Δ d/dt "),
+        _values(course, _speeds(course), change, True),
     )
 
 
@@ -165,11 +192,13 @@ def _heavier(course: Course) -> Iterator[Exercise]:
     k = masses[0]
     p = course.start.p.copy()
     p[k] *= 2
+    question = Markup(
+        "Double the mass {}. What are the rates of the quasi-velocities at the same state?"
+    )
     yield Exercise(
-        f"Double the mass {parameters[k].name}. What are the rates of the quasi-velocities at "
-        "the same state?",
+        question.format(_symbol(course, parameters[k].name)),
         "With the other parameter dynamics gives",
-        _values(course, _speeds(course), _rates(course, course.start.u, p), "d/dt "),
+        _values(course, _speeds(course), _rates(course, course.start.u, p), True),
     )
 
 

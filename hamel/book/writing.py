@@ -56,7 +56,7 @@ def pages(title: str, chapters: Sequence[Placed]) -> dict[str, str]:
     for k, place in enumerate(chapters):
         texts[place.file] = rendered(
             "hamel.book/chapter.html.j2",
-            title=f"{place.number}. {place.chapter.name}",
+            title=f"{place.number}. {place.chapter.title}",
             before=chapters[k - 1] if k else None,
             after=chapters[k + 1] if k + 1 < len(chapters) else None,
             **data,

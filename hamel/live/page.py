@@ -17,16 +17,20 @@ from derive.diagnostics import AssumptionError
 from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
-from derive.states.initial import Initial, initial_state
+from derive.states.initial import initial_state
+from derive.textbook import names
 from derive.textbook.derivation import derivation
+from derive.textbook.mathml import mathml
+from derive.textbook.notation import symbols_of
 from derive.textbook.pages import rendered
 from derive.textbook.records import Document
 from derive.textbook.write_html import parts_of
 from hamel.draw.canvas import ENTRY, element, text
 from hamel.draw.mechanism.figure import bar_width
-from hamel.draw.mechanism.svg import CLASS, drawn, style
+from hamel.draw.mechanism.svg import CLASS, drawn, lettered, style
+from hamel.live.course import course
 from hamel.live.functions import FORMULAS, POSES, places, with_live
-from hamel.live.limits import FEW, LARGEST_PUSH, ROWS, SPAN, TOLERANCE
+from hamel.live.limits import CURVES, FEW, LARGEST_PUSH, NOTHING, ROWS, SPAN, TOLERANCE
 from hamel.live.module import Module, check_compiler, module_of
 from hamel.live.shape import Drawing, drawing_of
 from hamel.simulate.exact import state_of
@@ -47,6 +51,7 @@ class Live:
     module: Module
     drawing: Drawing
     data: Mapping[str, Any]
+    symbols: Mapping[str, str]
 
 
 def live_of(equations: Equations, roads: Sequence[str]) -> Live:
@@ -59,9 +64,9 @@ def live_of(equations: Equations, roads: Sequence[str]) -> Live:
     equations = replace(based(equations), charts=())
     system, document = equations.system, derivation(equations, roads)
     initial = initial_state(system)
-    q, p = initial.q[None, :], np.array(system.own_parameters, dtype=float)
-    t = np.array([0.0, 1.0])
-    drawing = drawing_of(system, t, np.vstack([q, q]), p)
+    p = np.array(system.own_parameters, dtype=float)
+    x = state_of(equations, initial, p, 0.0)
+    drawing = drawing_of(system, *course(equations, x, p), p)
     formed = with_live(equations, document, drawing.bodies)
     enforcement = fitting_enforcement(METHOD, equations).name
     names = [function.name for function in formed.functions]
@@ -70,18 +75,17 @@ def live_of(equations: Equations, roads: Sequence[str]) -> Live:
     )
     data = {
         **drawing.data,
-        **_of_motion(equations, initial, p),
+        **_of_motion(equations, x, p),
         "closes": any(name == "project" for name in names),
         "equations": places(document),
         "size": [LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT],
         "rtol": TOLERANCE,
     }
-    return Live(equations, document, module, drawing, data)
+    return Live(equations, document, module, drawing, data, symbols_of(equations))
 
 
-def _of_motion(equations: Equations, initial: Initial, p: np.ndarray) -> dict[str, Any]:
-    """Names, and the start."""
-    x = state_of(equations, initial, p, 0.0)
+def _of_motion(equations: Equations, x: np.ndarray, p: np.ndarray) -> dict[str, Any]:
+    """The start, and which columns are what."""
     return {
         "times": np.linspace(0.0, SPAN, ROWS + 1).round(9).tolist(),
         "x": x.tolist(),
@@ -94,42 +98,51 @@ def _of_motion(equations: Equations, initial: Initial, p: np.ndarray) -> dict[st
 
 @dataclass(frozen=True)
 class Slider:
-    """`kind` is p, x or u, `index` the place in it."""
+    """`kind` is p, x or u, `index` the place in it; `latex` is the symbol on the page."""
 
     kind: str
     index: int
-    name: str
+    latex: str
     unit: str
     low: float
     high: float
     value: float
 
     @property
-    def step(self) -> float:
-        """A thousandth of the way."""
-        return (self.high - self.low) / 1000
+    def symbol(self) -> Markup:
+        """As the formulas have it."""
+        return Markup(mathml(self.latex))
+
+    @property
+    def shown(self) -> str:
+        """The value, until the script writes it."""
+        value = self.value if abs(self.value) > NOTHING else 0.0
+        return f"{value:.4g}".replace("-", "−")
 
 
 def sliders(live: Live) -> dict[str, list[Slider]]:
     """Parameters, initial values and inputs."""
-    equations, system = live.equations, live.equations.system
+    equations, system, symbols = live.equations, live.equations.system, live.symbols
     units = {x.name: x.unit for x in system.model.parameters}
-    p = equations.argument("p")
+    p, x, u = (equations.argument(name) for name in "pxu")
     parameters = [
-        _slider("p", k, name, units.get(name, ""), value)
+        _slider("p", k, symbols[name], units.get(name, ""), value)
         for k, (name, value) in enumerate(zip(p.labels, live.data["p"]))
     ]
-    x, u = equations.argument("x"), equations.argument("u")
-    free = _free(system, live.data)
+    nq = live.data["nq"]
     initial = [
-        _slider("x", k, x.labels[k], x.units[k], live.data["x"][k], k < live.data["nq"])
-        for k in free
+        _slider("x", k, symbols[x.labels[k]], x.units[k], live.data["x"][k], k < nq)
+        for k in _free(system, live.data)
     ]
     inputs = [
-        Slider("u", k, name, unit, -LARGEST_PUSH, LARGEST_PUSH, 0.0)
+        Slider("u", k, symbols[name], _unit(unit), -LARGEST_PUSH, LARGEST_PUSH, 0.0)
         for k, (name, unit) in enumerate(zip(u.labels, u.units))
     ]
     return {"Parameters": parameters, "Initial values": initial, "Inputs": inputs}
+
+
+def _unit(text: str) -> str:
+    return names.unit(text) if text not in ("", "1") else ""
 
 
 def _free(system: System, data: Mapping[str, Any]) -> list[int]:
@@ -145,7 +158,7 @@ def _free(system: System, data: Mapping[str, Any]) -> list[int]:
 
 
 def _slider(
-    kind: str, index: int, name: str, unit: str, value: float, angle: bool = False
+    kind: str, index: int, latex: str, unit: str, value: float, angle: bool = False
 ) -> Slider:
     if kind == "p" and value:
         low, high = sorted((0.2 * value, 3.0 * value))
@@ -154,7 +167,7 @@ def _slider(
     else:
         reach = max(1.0, 2.0 * abs(value))
         low, high = value - reach, value + reach
-    return Slider(kind, index, name, unit, low, high, value)
+    return Slider(kind, index, latex, _unit(unit), low, high, value)
 
 
 def page(live: Live, figure: str = "") -> str:
@@ -192,19 +205,24 @@ def _stage(live: Live) -> str:
 
 
 def _plots(live: Live) -> list[tuple[str, Sequence[str]]]:
-    return [("quasi-velocities (SI)", live.equations.w), ("energy (J)", ("T", "V", "T + V"))]
+    """What is plotted, and the symbols of the curves."""
+    speeds = [live.symbols[name] for name in live.equations.w]
+    about = "quasi-velocities (SI)"
+    if len(speeds) > CURVES:
+        about = f"quasi-velocities (SI), the first {CURVES} of {len(speeds)}"
+    return [(about, speeds[:CURVES]), ("energy (J)", ("T", "V", "T+V"))]
 
 
-def _plot(about: str, names: Sequence[str]) -> str:
+def _plot(about: str, symbols: Sequence[str]) -> str:
     """A frame whose curves the script draws."""
     box = {"x": LEFT, "y": TOP, "width": WIDTH - LEFT - RIGHT, "height": HEIGHT}
     parts = [text(LEFT, 14, about), element("rect", class_="frame", **box)]
-    shown = names[:4]
-    for k, name in enumerate(shown):
+    for k, latex in enumerate(symbols):
         x, y = LEFT + 90.0 * k, TOP + HEIGHT + BOTTOM + 4.0
         line = {"x1": x, "x2": x + 18, "y1": y - 4, "y2": y - 4}
         curve = element("polyline", class_=f"curve{k}", points="")
-        parts += [curve, element("line", class_=f"curve{k}", **line), text(x + 23, y, name)]
+        name = element("text", lettered(latex), class_="symbol", x=x + 23, y=y)
+        parts += [curve, element("line", class_=f"curve{k}", **line), name]
     parts.append(element("line", class_="cursor", x1=LEFT, x2=LEFT, y1=TOP, y2=TOP + HEIGHT))
     parts.append(text(LEFT - 4, TOP + 10, "", "high", "end"))
     parts.append(text(LEFT - 4, TOP + HEIGHT, "", "low", "end"))

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from derive.mechanics.records import System
-from hamel.draw.mechanism.figure import shapes
-from hamel.draw.mechanism.moving import Stage, shape_data, staged, view_data
+from hamel.draw.mechanism.anchors import LOOSE
+from hamel.draw.mechanism.figure import bounds, shapes
+from hamel.draw.mechanism.marks import marks
+from hamel.draw.mechanism.moving import FLOORS, Stage, shape_data, staged, view_data
 from hamel.draw.mechanism.poses import Bodies
 from hamel.draw.mechanism.records import Mark, Shape, Vector
 from hamel.draw.mechanism.scene import Scene, scene
-from hamel.live.limits import STEP, STILL
+from hamel.live.limits import LEGIBLE, STEP, STILL
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,11 @@ class Drawing:
 
 
 def drawing_of(system: System, t: Vector, q: Vector, p: Vector) -> Drawing:
-    """At the scale at which the motion q fits."""
+    """At the scale at which the motion q fits; at that of its start where that would be too
+    small."""
     stage = staged(system, t, q, p)
+    if _small(stage):
+        stage = staged(system, t[:2], q[[0, 0]], p)
     space = stage.scene
     slopes = _slopes(space, stage.parts, q[0], p)
     data = {
@@ -41,11 +46,18 @@ def drawing_of(system: System, t: Vector, q: Vector, p: Vector) -> Drawing:
             for shape, slope in zip(stage.parts, slopes)
         ],
         "view": view_data(space),
-        "follow": stage.follow,
+        "free": any(anchor.type in LOOSE for anchor in space.anchors),
         "box": [round(x, 1) for x in stage.box],
     }
     bodies = Bodies(system, space.loose, space.dials)
     return Drawing(data, stage.marks_at(0, space), stage.box, bodies, stage)
+
+
+def _small(stage: Stage) -> bool:
+    """Whether the mechanism is hardly seen at the start."""
+    parts = [part for part in stage.parts if part.style not in FLOORS]
+    box = bounds(marks(stage.at(0), parts))
+    return max(box.right - box.left, box.bottom - box.top) < LEGIBLE
 
 
 def _slopes(

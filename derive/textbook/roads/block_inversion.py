@@ -6,6 +6,7 @@ from __future__ import annotations
 import casadi as ca
 
 from derive.textbook.charts import charts
+from derive.textbook.choice import themselves
 from derive.textbook.complement import complement
 from derive.textbook.forces import along, solved
 from derive.textbook.interaction import interaction
@@ -37,6 +38,8 @@ def _write(doc: Manuscript) -> None:
 def _projection(doc: Manuscript) -> None:
     """Sᵀ from the left."""
     if doc.equations.generalized_velocities or not doc.w or not doc.system.written:
+        return
+    if themselves(doc) and not doc.terms.has("Y"):
         return
     doc.section("Projection")
     if doc.terms.has("Y"):

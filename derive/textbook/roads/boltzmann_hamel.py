@@ -13,6 +13,7 @@ from derive.textbook.coefficients import Coefficients
 from derive.textbook.forces import active, along, solved
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.methods import nonideal
+from derive.textbook.names import words
 from derive.textbook.projected import final
 from derive.textbook.records import Math, Runs, Text
 from derive.textbook.roads.records import Road
@@ -58,7 +59,7 @@ def _directions(doc: Manuscript, found: Coefficients) -> None:
         rf"!1,\qquad !U = {both}",
         ca.mtimes(found.rows, found.directions) - unit,
     )
-    doc.mean(r"!u_{r}", "direction of a quasi-velocity, a column of [S R]")
+    doc.mean(r"!u_{r}", "direction of a quasi-velocity, a column of $!U$")
     doc.table(("index", "quasi-velocity", "is"), _indices(doc, found))
 
 
@@ -69,7 +70,7 @@ def _indices(doc: Manuscript, found: Coefficients) -> list[tuple[Runs, ...]]:
     ]
     for k, (name, kind) in enumerate(_constraint_rows(doc)):
         index = found.free + k + 1
-        rows.append(((Text(str(index)),), (Text(f"row {name}"),), (Text(f"fixed, {kind}"),)))
+        rows.append(((Text(str(index)),), (Text(f"row {words(name)}"),), (Text(f"fixed, {kind}"),)))
     return rows
 
 
@@ -92,7 +93,10 @@ def _coefficients(doc: Manuscript, found: Coefficients) -> None:
         r"\frac{\partial !u_l}{\partial !q}!N\,!u_r - \frac{\partial !u_r}{\partial !q}!N\,!u_l "
         r"+ !\chi\left(!u_r, !u_l\right) = \sum_s \gamma^{s}_{rl}\,!u_s",
     )
-    doc.mean(r"\gamma^{s}_{rl}", "Hamel's coefficients, [u_r, u_l] = Σ γ u_s")
+    doc.mean(
+        r"\gamma^{s}_{rl}",
+        r"Hamel's coefficients, $\left[!u_r, !u_l\right]=\sum_s \gamma^{s}_{rl}\,!u_s$",
+    )
     _own(doc, found)
     _zeros(doc, found)
     _listed(doc, found)
@@ -211,7 +215,7 @@ def _momenta(doc: Manuscript, found: Coefficients) -> None:
         value - ca.mtimes(found.directions.T, at_motion),
     )
     doc.vector("momentum", "p", value)
-    doc.mean(r"!p", "momenta of all quasi-velocities, ∂T/∂w", "")
+    doc.mean(r"!p", r"momenta of all quasi-velocities, $!U^T\partial T/\partial !v$")
 
 
 def _equations(doc: Manuscript, found: Coefficients) -> None:
@@ -228,7 +232,7 @@ def _equations(doc: Manuscript, found: Coefficients) -> None:
         r"!u_l^T\left(!Q - !V\right),\qquad l = 1,\ldots," + str(found.free),
         _left(doc.terms, doc.terms.wdot),
     )
-    doc.mean(r"!V", "bias of gravity and potential, h where v = 0")
+    doc.mean(r"!V", "bias of gravity and potential, $!h$ where $!v=!0$")
     doc.say("The changes of the kinetic energy along the directions are:")
     value = _energy_change(doc.terms)
     if doc.vector("change", "T", value) and all(x == [0] for x in doc.entries["change"]):

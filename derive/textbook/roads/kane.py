@@ -16,6 +16,7 @@ from derive.textbook.forces import active, along, at_quasi_velocities, balance, 
 from derive.textbook.inverse import accelerations
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.methods import nonideal
+from derive.textbook.names import words
 from derive.textbook.projected import final
 from derive.textbook.records import Math
 from derive.textbook.roads.records import Road
@@ -103,7 +104,7 @@ def _write(doc: Manuscript) -> None:
         r"-\sum_i \left(\frac{\partial !v_i}{\partial !w}\right)^T!f_i",
         balance(doc.terms, wdot) - _left(doc.terms, wdot),
     )
-    doc.mean(r"!n_{i},\; !f_{i}", "moment and force of inertia of body i at its origin", "N m, N")
+    doc.mean(r"!n_{i},\; !f_{i}", "moment and force of inertia of body $i$ at its origin", "N*m, N")
     doc.state(
         r"!f_i",
         r"m_i\,!a_i + \dot{!\omega}_i\times m_i!c_i "
@@ -114,10 +115,15 @@ def _write(doc: Manuscript) -> None:
         r"!I_i\,\dot{!\omega}_i + !\omega_i\times !I_i\,!\omega_i "
         r"+ m_i!c_i\times !a_i",
     )
-    doc.say("The generalised active forces are those of gravity, springs, dampers and inputs:")
+    doc.say(
+        "where $!a_i=!!v_i+!\\omega_i\\times!v_i$ is the acceleration of the body's origin, "
+        "$m_i!c_i$ its first moment and $!I_i$ its inertia there. The generalised active forces "
+        "are those of gravity, springs, dampers and inputs; $!V$ is the bias of gravity and "
+        "potential, $!h$ where $!v=!0$:"
+    )
     force = _force(doc.terms)
     doc.state(r"!F", r"!S^T\left(!Q - !V\right)")
-    doc.mean(r"!V", "bias of gravity and potential, h where v = 0")
+    doc.mean(r"!V", "bias of gravity and potential, $!h$ where $!v=!0$")
     doc.mean(r"!F,\; !F^{*}", "generalised active and inertia forces")
     doc.vector("active", "F", force)
     doc.say("Kane's equations say that they balance:")
@@ -165,9 +171,9 @@ def _of_link(doc: Manuscript, link: Link, partial: ca.SX) -> None:
         return
     labels = ", ".join((r"\omega_" if k < 3 else "v_") + AXES[k % 3] for k in rows)
     i = next(k for k, x in enumerate(doc.system.links) if x is link) + 1
-    doc.say("Of {name}, rows {rows}:", name=link.name, rows=Math(labels))
+    doc.say("Of {name}, rows {rows}:", name=words(link.name), rows=Math(labels))
     doc.matrix(f"partial[{i}]", rf"!J_{{{i}}}", f"J^{{{i}}}", partial[rows, :])
-    doc.mean(rf"!J_{{{i}}}", f"partial velocities of {link.name}")
+    doc.mean(rf"!J_{{{i}}}", "partial velocities of {name}", name=words(link.name))
 
 
 def _acceleration_energy(terms: Terms, wdot: ca.SX) -> ca.SX:
@@ -224,7 +230,7 @@ def _appell(doc: Manuscript) -> None:
         r"+ \tfrac{1}{2}\dot{!\omega}_i\cdot!I_i\dot{!\omega}_i "
         r"+ \dot{!\omega}_i\cdot\left(!\omega_i\times!I_i!\omega_i\right)",
     )
-    doc.mean(r"G", "energy of accelerations (Gibbs, Appell)", "")
+    doc.mean(r"G", "energy of accelerations (Gibbs, Appell)")
     doc.say("In the rates of the quasi-velocities it is a polynomial of second degree:")
     terms, wdot = doc.terms, doc.terms.wdot
     M_w, h = terms.named("M_w"), balance(terms, ca.SX.zeros(wdot.numel())) + _force(terms)
@@ -237,7 +243,7 @@ def _appell(doc: Manuscript) -> None:
         r"\tfrac{1}{2}\,!!w^T!M_w\,!!w + !!w^T!g + \ldots",
         ca.substitute(slope - collected, free, TRIAL[: wdot.numel()]),
     )
-    doc.mean(r"!g", "what of the bias is no gravity and no potential, h_w − SᵀV")
+    doc.mean(r"!g", "what of the bias is no gravity and no potential, $!h_w-!S^T!V$")
     _printed_energy(doc)
     doc.section("Gibbs and Appell's equations")
     doc.say("Differentiated with respect to the rates of the quasi-velocities it gives the forces:")
@@ -247,7 +253,7 @@ def _appell(doc: Manuscript) -> None:
         r"!S^T\left(!Q - !V\right)",
         _appell_left(terms, wdot),
     )
-    doc.mean(r"!V", "bias of gravity and potential, h where v = 0")
+    doc.mean(r"!V", "bias of gravity and potential, $!h$ where $!v=!0$")
     final(doc)
 
 

@@ -128,7 +128,7 @@ def _udwadia_kalaba(doc: Manuscript) -> None:
         r"!Q - !h",
         at_quasi_velocities(terms, ca.mtimes(s.M, free) - s.Q + s.h),
     )
-    doc.mean(r"!a", "accelerations without constraints, M⁻¹ (Q − h)")
+    doc.mean(r"!a", "accelerations without constraints, $!M^{-1}(!Q-!h)$")
     if A.size1():
         _corrected(doc, A, beta, free)
     _to_quasi_velocities(doc)

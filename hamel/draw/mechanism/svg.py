@@ -160,17 +160,9 @@ def _lettering(x: Lettering) -> str:
     _, above, _ = extent(x.label.latex)
     middle = (x.box.left + x.box.right) / 2
     base = x.box.top + above
-    spans, level = [], 0
-    for run in runs(x.label.latex):
-        shift = {-1: 0.24, 0: 0.0, 1: -0.36}
-        dy = SIZE * (shift[run.level] - shift[level])
-        level = run.level
-        looks = {"italic": "i", "bold": "b"}.get(run.look, "")
-        classes = " ".join(c for c in (looks, "s" if run.level else "") if c)
-        spans.append(element("tspan", html.escape(run.text), class_=classes or None, dy=dy or None))
     text = element(
         "text",
-        "".join(spans),
+        lettered(x.label.latex),
         class_=f"t-{x.label.style}",
         x=float(middle),
         y=float(base),
@@ -179,3 +171,16 @@ def _lettering(x: Lettering) -> str:
     if not x.leader:
         return text
     return element("polyline", class_="line leader", points=coordinates(x.leader)) + text
+
+
+def lettered(latex: str) -> str:
+    """A symbol as parts of a text element: italic letters, indices below the line."""
+    spans, level = [], 0
+    for run in runs(latex):
+        shift = {-1: 0.24, 0: 0.0, 1: -0.36}
+        dy = SIZE * (shift[run.level] - shift[level])
+        level = run.level
+        looks = {"italic": "i", "bold": "b"}.get(run.look, "")
+        classes = " ".join(c for c in (looks, "s" if run.level else "") if c)
+        spans.append(element("tspan", html.escape(run.text), class_=classes or None, dy=dy or None))
+    return "".join(spans)

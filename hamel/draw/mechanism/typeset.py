@@ -59,7 +59,10 @@ def _piece(tokens: list[str], k: int, look: str, level: int) -> tuple[list[Run],
         return _piece(tokens, k + 1, _UPRIGHT[name], level)
     if name in _DOTS and k + 1 < len(tokens):
         inner, k = _piece(tokens, k + 1, look, level)
-        return [*inner[:-1], Run(inner[-1].text + _DOTS[name], inner[-1].look, level)], k
+        word = inner[-1].text
+        middle = (len(word) + 1) // 2  # a mark stands over the letter before it
+        dotted = word[:middle] + _DOTS[name] + word[middle:]
+        return [*inner[:-1], Run(dotted, inner[-1].look, level)], k
     if name in LETTERS:
         return [Run(LETTERS[name], "italic" if name[0].islower() else "upright", level)], k + 1
     digit = token.isdigit()

@@ -6,7 +6,7 @@ Of derive.textbook: typeset, write_latex.
 import sympy
 
 from derive.textbook.layout import ROW, SYMBOL, wide_entries
-from derive.textbook.typeset import PIECE, Typesetter, width
+from derive.textbook.typeset import ALONE, PIECE, Typesetter, width
 from derive.textbook.write_latex import _breakable
 
 A, B, C, D, X = sympy.symbols("a b c d x")
@@ -26,6 +26,21 @@ def test_a_short_fraction_and_one_without_sums_stay_whole() -> None:
     setter = Typesetter(NAMES)
     for whole in (A * sympy.sin(B) / C, A * sympy.sin(B) * sympy.cos(C) / sympy.Abs(sympy.cos(X))):
         assert len(setter.pieces(whole, line=5)) == 1
+
+
+def test_no_line_ends_after_a_number_before_a_bracket() -> None:
+    setter = Typesetter(NAMES)
+    long = sympy.sin(A * X) * B + sympy.cos(A * X) * C + sympy.sin(D * X)
+    pieces = setter.pieces(long * sympy.sin(A + B) * 3)
+    assert len(pieces) > 2 and pieces[0].startswith("3")
+    assert all(width(piece) > ALONE for piece in pieces)
+
+
+def test_words_that_are_multiplied_have_a_sign_between_them() -> None:
+    words = {A: r"\mathrm{steer\,torque}", B: r"\dot{\mathrm{steer}}", C: "c"}
+    setter = Typesetter(words)
+    assert setter.latex(A * B) == rf"{words[A]} \cdot {words[B]}"
+    assert setter.latex(A * C) == rf"{words[A]} \, c"
 
 
 def test_lists_may_end_a_line_behind_a_comma() -> None:

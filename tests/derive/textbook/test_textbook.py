@@ -2,7 +2,7 @@
 
 Of derive.textbook: charts, choice, complement, compose, constraints, dependent, elimination,
 energy, given, graph, interaction, inverse, kinematics, layout, linear, manuscript, methods,
-motion, multipliers, notation, outputs, pages, projected, records, ring, sentences, terms.
+motion, multipliers, notation, outputs, pages, projected, prose, records, ring, sentences, terms.
 """
 
 import functools
@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from html import unescape
 from xml.etree import ElementTree
 
 import casadi as ca
@@ -26,8 +27,9 @@ from derive.states.sampling import states
 from derive.textbook import html, laws, printed
 from derive.textbook.convert import Reader
 from derive.textbook.derivation import derivation
+from derive.textbook.manuscript import Manuscript
 from derive.textbook.mathml import mathml
-from derive.textbook.names import symbol, velocity
+from derive.textbook.names import per_second, symbol, velocity
 from derive.textbook.typeset import Typesetter
 from derive.textbook.write_html import page
 from derive.textbook.write_latex import article, escape
@@ -300,6 +302,81 @@ def test_a_page_has_every_section_in_order():
     places = [text.index(f". {title}</h2>") for title in SECTIONS]
     assert places == sorted(places)
     assert "Planar four-bar linkage" in text and "because the model declares it" in text
+
+
+def words_of(text: str) -> str:
+    """What is read: no element, no style, and every formula as one letter."""
+    bare = re.sub(r"<style.*?</style>|<svg.*?</svg>", "", text, flags=re.DOTALL)
+    bare = re.sub(r"<math.*?</math>", "x", bare, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", bare)))
+
+
+def test_words_hold_no_raw_names_and_say_what_a_student_asks():
+    words = words_of(html(derived("four_bar", "crank")))
+    assert "_" not in words and "Equations of motion: four bar" in words
+    assert "The quasi-velocity x is x, with:" in words
+    assert "It gives one of them, divided by" in words and "Sampled states are" in words
+    assert words.count("Entries that are not listed are zero") == 1
+    assert "potential energy of gravity is:" in words and "springs" not in words
+    assert "planar or free" not in words and "parallel" in words
+    assert words.index("Bold letters are") < words.index("The configuration is described")
+
+
+def test_numbers_of_loads_have_units_and_rates_theirs():
+    text = html(derived("four_bar", "crank"))
+    assert mathml(r"0.01\;\mathrm{N\,m\,s/rad}") in text
+    row = re.escape(mathml(r"\ddot{q}_{1}")) + r"</td>.{0,40}>rate of .*?</td>.{0,30}>rad/s²"
+    assert re.search(row, text)
+
+
+def test_a_model_of_formulas_speaks_of_no_joint_and_no_body():
+    words = words_of(html(derived("pendulum", "swing")))
+    assert "Lagrange's equations are as follows" in words and "Newton" not in words
+    assert "joint" not in words.split("Energies and forces")[0]
+    assert "rod and x give x and x (pivot: cannot vanish)" in words
+
+
+def test_joints_in_space_have_axes_and_bodies_their_meaning():
+    text = (
+        "model: m\ngravity: [0, 0, -9.81 m/s^2]\nparameters: {a: 0.3}\n"
+        "bodies: {big_arm: {mass: 1 kg, inertia: [1, 1, 1], about: it swings}}\n"
+        "joints: {low_hinge: {type: revolute, parent: ground, child: big_arm, axis: y,"
+        " at: {parent: {rpy: [a, 0, 0]}, child: {rpy: [a, 0, 0]}}}}\n"
+    )
+    page = html(equations(system(load_text(text))))
+    words = words_of(page)
+    assert "revolute along x" in words and "it swings" in words and "axes of all are" in words
+    assert "big arm" in words and "low hinge" in words and "big_arm" not in words
+    assert "There are no applied forces: x ." in words.replace("x.", "x .")
+    assert mathml(r"(0,\; \cos a,\; \sin a)") in page
+
+
+def test_velocities_that_are_chosen_as_they_are_need_no_projection():
+    words = words_of(html(derived("double_pendulum", "relative")))
+    assert "They are the generalized velocities themselves" in words
+    assert "They are those from above" in words and "Projection" not in words
+    assert "tied by constraints" not in words
+
+
+def test_what_is_told_once_is_told_once():
+    """Where entries are too long to be printed nothing marks them as printed."""
+    doc = Manuscript(derived("pendulum", "swing"))
+    assert doc.first("accelerations") and not doc.first("accelerations")
+    doc.column = 2
+    assert doc.first("accelerations")
+
+
+@pytest.mark.parametrize(
+    "unit, rate", [("m/s", "m/s^2"), ("rad/s", "rad/s^2"), ("", "1/s"), ("N*m", "N*m/s")]
+)
+def test_units_of_rates(unit, rate):
+    assert per_second(unit) == rate
+
+
+def test_a_letter_alone_is_upright_where_it_is_meant_to_be():
+    """latex2mathml drops the style of a single letter: d of a derivative, an index B."""
+    upright = '<mi mathvariant="normal">d</mi>'
+    assert mathml(r"\frac{\mathrm{d}}{\mathrm{d}t}").count(upright) == 2
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from codegen import compiler
 from derive.diagnostics import ModelError
 from derive.model import load, load_text
 from hamel.book.chapter import Chapter, Motion, objectives
+from hamel.book.course import course_of
 from hamel.book.exercises import Exercise, number_texts
 from hamel.book.topics import TOPICS, things_of, topic_of
 from hamel.book.writing import CONTENTS, INDEX, PRINT, pages, placed
@@ -86,6 +87,14 @@ def test_every_link_of_the_book_leads_somewhere() -> None:
     assert pages("A <book>", BOOK) == texts
 
 
+def test_titles_are_words() -> None:
+    texts = pages("Book", BOOK)
+    assert "<h1>2. long arm</h1>" in texts["long_arm.html"]
+    assert all(">long arm</a>" in texts[name] for name in (CONTENTS, INDEX, PRINT))
+    assert "2. long arm →" in texts["arm.html"]
+    assert not any("long_arm<" in text for text in texts.values())
+
+
 def test_a_chapter_without_a_motion_says_why() -> None:
     alone = placed(
         [replace(BOOK[0].chapter, motion=None, refusal="it comes to a singular position")]
@@ -128,3 +137,13 @@ def test_solutions_are_those_of_the_verified_module(tmp_path) -> None:
     assert min(abs(v - module.dynamics(0.0, x)[3]) for v in shown) < 1e-4
     assert all(min(abs(v - y) for v in shown) < 1e-4 for y in module.reactions(0.0, x))
     assert not any(abs(v - (module.dynamics(0.0, x)[3] + 0.01)) < 1e-4 for v in shown)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+def test_a_motion_in_charts_with_a_frame_has_its_record() -> None:
+    """Parameters go on with the frame's numbers: the record is of the equations that were
+    integrated."""
+    with course_of(str(MODELS / "waveboard.yaml")) as course:
+        assert course.equations.charts and course.equations.frame
+        assert course.record.position_violation < 1e-6

@@ -1,7 +1,7 @@
 """A page that computes: what its sliders and its equations say is what the module and the terms say,
 read back from a headless Chromium.
 
-Of hamel.live: page, functions, module, shape, limits.
+Of hamel.live: page, course, functions, module, shape, limits.
 """
 
 import html
@@ -13,18 +13,21 @@ import subprocess
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import hamel
 from codegen.runtime import build_wasm
 from derive.diagnostics import ToolchainError
+from derive.formulations.evaluate import function_of
 from derive.formulations.frames import based
 from derive.states.initial import initial_state
 from derive.textbook.derivation import derivation
 from hamel.build.stages import equations_of
 from hamel.draw.mechanism.poses import Bodies
 from hamel.live import module
+from hamel.live.course import course
 from hamel.live.functions import FORMULAS, POSES, places, with_live
-from hamel.live.limits import SPAN
+from hamel.live.limits import LOOKED, SPAN
 from hamel.live.shape import drawing_of
 from tests.scenes import MODELS
 
@@ -32,6 +35,7 @@ BROWSER = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
 MOST = 1_000_000  # bytes
+NARROWEST = 96.0  # pixels of a slider that can be moved
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage")
 # moves sliders, points at every equation, and says what there is to read
 READ = """<pre id="result"></pre><script type="module">
@@ -41,18 +45,31 @@ const moved = (kind, index, value) => {
   e.value = value;
   e.dispatchEvent(new Event("input"));
 };
-for (let k = 0; k < 500 && !globalThis.hamel; k++) await new Promise(done => setTimeout(done, 20));
+const ready = () => globalThis.hamel && !document.querySelector(".equation:not([tabindex])");
+for (let k = 0; k < 500 && !ready(); k++) await new Promise(done => setTimeout(done, 20));
 const h = globalThis.hamel, first = document.getElementById("parts").innerHTML;
 for (const [kind, index, value] of MOVES) moved(kind, index, value);
 out.x = h.start(); out.p = h.now.p; out.u = h.now.u; out.told = h.told(); out.status = h.motion().status;
 out.end = Array.from(h.motion().x).slice(-out.x.length);
 out.xdot = Array.from(h.model.dynamics(0, out.x, out.u, out.p));
 out.moves = document.getElementById("parts").innerHTML !== first;
+out.beyond = 0;
+out.narrow = Math.min(...[...document.querySelectorAll(".slider")].map(e => e.getBoundingClientRect().width));
+for (let k = 0; k <= 1000; k += 50) {
+  const slider = document.getElementById("time"), box = document.getElementById("stage").getBoundingClientRect();
+  slider.value = k;
+  slider.dispatchEvent(new Event("input"));
+  for (const mark of document.querySelectorAll("#parts .mass, #parts .bob, #parts .rim, #parts .disc")) {
+    const r = mark.getBoundingClientRect();
+    out.beyond = Math.max(out.beyond, box.left - r.left, box.top - r.top, r.right - box.right, r.bottom - box.bottom);
+  }
+}
+document.getElementById("time").value = 0;
+document.getElementById("time").dispatchEvent(new Event("input"));
 out.read = {};
 for (const equation of document.querySelectorAll(".equation")) {
   equation.dispatchEvent(new Event("pointerenter"));
-  const lines = [...document.querySelectorAll("#reader p")];
-  out.read[equation.id.replace("equation-", "")] = lines.map(p => p.dataset.values.split(" ").map(Number));
+  out.read[equation.id.replace("equation-", "")] = h.numbers();
 }
 document.getElementById("result").textContent = JSON.stringify(out);
 </script></body>"""
@@ -100,6 +117,29 @@ def test_shapes_follow_a_length() -> None:
     assert not any(6 in shape.get("d", {}) for shape in data)  # a mass moves nothing
 
 
+def test_the_size_of_the_picture_is_that_of_the_motion() -> None:
+    """The rough course is the module's own motion, within a pixel."""
+    equations, _ = formed("double_pendulum")
+    p = np.array(equations.system.own_parameters)
+    x = np.array([1.2, 0.4, 0.0, 0.0])
+    t, q = course(equations, x, p)
+    assert t[0] == 0.0 and t[-1] == pytest.approx(SPAN) and len(t) == len(q) == LOOKED + 1
+    assert q[0] == pytest.approx(x[:2]) and np.ptp(q[:, 0]) > 1.0
+    exact = solve_ivp(
+        lambda t, x: np.asarray(function_of(equations, "dynamics")(t, x, [], p)).ravel(),
+        (0.0, 1.0), x, rtol=1e-10, atol=1e-12,
+    )  # fmt: skip
+    assert q[LOOKED // 5] == pytest.approx(exact.y[:2, -1], abs=1e-4)
+
+
+def test_a_course_ends_where_numbers_do() -> None:
+    """Not defined from the start: the picture is that of the start."""
+    equations, _ = formed("double_pendulum")
+    p = np.array(equations.system.own_parameters)
+    t, q = course(equations, np.array([0.1, np.nan, 0.0, 0.0]), p)
+    assert len(t) == len(q) == 2
+
+
 def test_poses_are_asked_of_the_module() -> None:
     equations, document = formed("double_pendulum")
     function = with_live(equations, document, Bodies(equations.system)).function(POSES)
@@ -114,6 +154,7 @@ def test_without_a_compiler_the_page_is_refused(monkeypatch, tmp_path) -> None:
 
 
 MOVES = {
+    "pendulum": [["x", 1, -0.3]],
     "four_bar": [["p", 1, 0.6], ["x", 0, 1.3], ["u", 0, 0.5], ["x", 3, 2.0]],
     "rolling_disk": [["p", 0, 0.7], ["p", 1, 0.5], ["x", 4, 0.2]],
 }
@@ -129,6 +170,9 @@ def test_numbers_of_the_page_are_those_of_the_module(name: str, tmp_path) -> Non
     assert len(text.encode()) <= MOST and "http" not in re.sub(r"http://www\.w3\.org/\S+", "", text)
     out = told(text, MOVES[name], tmp_path)
     assert out["status"] == "ok" and out["told"] == "" and out["moves"]
+    assert out["beyond"] <= 0 and out["narrow"] >= NARROWEST  # pixels
+    legends = re.findall(r'class="symbol"[^>]*>(.*?)</text>', text)
+    assert legends and not any("_" in re.sub("<[^>]+>", "", x) for x in legends)
     for kind, index, value in MOVES[name]:
         assert out[kind][index] == pytest.approx(value, abs=1e-8)
     built = hamel.build(MODELS / f"{name}.yaml", out=tmp_path / name, choice=made.choice)

@@ -1,7 +1,7 @@
 """How near a sweep comes to the bare lane kernel, what a chunk costs besides, and how many tasks a
 dask scheduler hands out: build/sweeps.json. Everything is measured side by side, the least of several.
 
-    python benchmarks/sweeps.py [--dask [--plot FILE]] [--peers]
+    python benchmarks/sweeps.py [--dask] [--plot FILE] [--peers]
 """
 
 from __future__ import annotations
@@ -114,16 +114,14 @@ def beside_peers(by: Engine) -> dict[str, float]:
     return ratios
 
 
-def shares(engines: dict[str, Engine], rounds: int) -> dict[str, list[tuple[int, float]]]:
-    """Of the throughput of the bare kernel on all cores, by motions a chunk, for each engine."""
-    plans = {chunk: plan(CHUNKS[-1] * CORES, chunk, 5.0) for chunk in CHUNKS}
-    kernel = bare(plans[CHUNKS[-1]])
-    found: dict[str, list[tuple[int, float]]] = {name: [] for name in engines}
-    for chunk, of in plans.items():
-        calls = [partial(swept, of, by) for by in engines.values()]
-        bare_seconds, *seconds = least(rounds, kernel, *calls)
-        for name, each in zip(engines, seconds):
-            found[name].append((chunk, bare_seconds / each))
+def shares(by: Engine, kernel: float, rounds: int) -> list[tuple[int, float]]:
+    """Of the throughput of the bare kernel on all cores, by motions a chunk. `kernel`: its seconds
+    for a motion. What a sweep takes to start is left out: between few motions and many."""
+    found: list[tuple[int, float]] = []
+    for chunk in CHUNKS:
+        few, many = (plan(count, chunk, 5.0) for count in (CHUNKS[-1], 4 * CHUNKS[-1]))
+        short, long = least(rounds, partial(swept, few, by), partial(swept, many, by))
+        found.append((chunk, 3 * CHUNKS[-1] * kernel / (long - short)))
     return found
 
 
@@ -159,25 +157,22 @@ def main() -> None:
     warnings.simplefilter("ignore")
     found: dict[str, Any] = {"cores": CORES}
     long, short, more_short = plan(4096, 1024, 5.0), plan(512, 8, 1e-3), plan(4096, 8, 1e-3)
+    kernel = least(3 * asked.rounds, bare(long))[0] / 4096
     with engine("here", CORES) as here:
-        kernel, sweep = least(asked.rounds, bare(long), lambda: swept(long, here))
-        found["motions_per_second_bare"] = 4096 / kernel
-        found["here_of_bare"] = kernel / sweep
-        found["chunk_seconds"] = sweep * CORES / long.chunks
+        found["motions_per_second_bare"] = 1.0 / kernel
         few, many = least(asked.rounds, lambda: swept(short, here), lambda: swept(more_short, here))
         found["chunk_overhead_ms"] = 1e3 * (many - few) / (more_short.chunks - short.chunks)
         found["start_seconds"] = few - short.chunks * found["chunk_overhead_ms"] / 1e3
+        found["shares"] = {"threads": shares(here, kernel, asked.rounds)}
         found["bytes_a_motion"] = _bytes(long, here)
         found["job_bytes"] = len(payload(long.jobs[0])[1])
     if asked.dask:
-        with engine("local", CORES) as dask, engine("here", CORES) as here:
-            swept(long, dask)  # workers import what they need, and get the job
-            there, sweep = least(asked.rounds, lambda: swept(long, dask), lambda: swept(long, here))
-            found["dask_of_here"] = sweep / there
+        with engine("local", CORES) as dask:
+            swept(long, dask)  # workers import what they need
+            found["shares"]["dask"] = shares(dask, kernel, asked.rounds)
             found["dask_tasks_per_second"] = tasks_per_second(dask)
-            found["shares"] = shares({"threads": here, "dask": dask}, asked.rounds)
-        if asked.plot:
-            asked.plot.write_text(plot(found["shares"]), encoding="utf-8")
+    if asked.plot:
+        asked.plot.write_text(plot(found["shares"]), encoding="utf-8")
     if asked.peers:
         with engine("here", CORES) as here:
             found["times_as_many_motions"] = beside_peers(here)

@@ -198,7 +198,8 @@ def test_a_submodel_is_its_file_under_other_names(tmp_path: Path) -> None:
         .replace(
             "1 kg*m^2}}",
             "1 kg*m^2}, near_thigh: {mass: near_m, com: [0, -near_l/2], inertia: near_J}, "
-            "near_shank: {mass: near_m/2, com: [0, -near_l/2], inertia: near_J/2}}",
+            "near_shank: {mass: near_m/2, com: [0, -near_l/2], inertia: near_J/2, "
+            "about: m and l are its own}}",
         )
         .replace(
             "tilt]}}",

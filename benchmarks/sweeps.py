@@ -118,10 +118,11 @@ def shares(by: Engine, kernel: float, rounds: int) -> list[tuple[int, float]]:
     """Of the throughput of the bare kernel on all cores, by motions a chunk. `kernel`: its seconds
     for a motion. What a sweep takes to start is left out: between few motions and many."""
     found: list[tuple[int, float]] = []
+    some = CHUNKS[-1] * CORES  # a chunk for every core
     for chunk in CHUNKS:
-        few, many = (plan(count, chunk, 5.0) for count in (CHUNKS[-1], 4 * CHUNKS[-1]))
+        few, many = (plan(count, chunk, 5.0) for count in (some, 3 * some))
         short, long = least(rounds, partial(swept, few, by), partial(swept, many, by))
-        found.append((chunk, 3 * CHUNKS[-1] * kernel / (long - short)))
+        found.append((chunk, 2 * some * kernel / (long - short)))
     return found
 
 

@@ -1,18 +1,7 @@
 // Pinocchio's own derivatives of forward dynamics. bench_open("TREE"), then rows of (q, v, u) in; v̇, ∂v̇/∂q, ∂v̇/∂v and the upper
 // triangle of M⁻¹ out, matrices column by column.
-#include "tree.hpp"
-#include <memory>
+#include "open_tree.hpp"
 #include <pinocchio/algorithm/aba-derivatives.hpp>
-
-static std::unique_ptr<pinocchio::Model> model;
-static std::unique_ptr<pinocchio::Data> data;
-
-extern "C" int bench_open(const char * argument)
-{
-    model = std::make_unique<pinocchio::Model>(tree(argument));
-    data = std::make_unique<pinocchio::Data>(*model);
-    return 0;
-}
 
 extern "C" void bench_loop(long n, const double * in, long in_size, double * out, long out_size)
 {

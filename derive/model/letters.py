@@ -8,17 +8,13 @@ from collections.abc import Sequence
 
 from derive.model.document import Scalar
 from derive.model.entries import CoordinateEntry, ParameterEntry
+from derive.model.names import COMMANDS
 from derive.model.reader import Reader
 from derive.model.records import Coordinate
 from derive.model.shape import Document
 
 MOST = 60  # characters
-# letters, digits, indices and a few commands: no other command of LaTeX gets into a page
-COMMANDS = (
-    "alpha beta gamma delta epsilon varepsilon zeta eta theta vartheta iota kappa lambda mu nu xi "
-    "pi rho sigma tau upsilon phi varphi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma "
-    "Upsilon Phi Psi Omega hat bar tilde mathrm mathbf ell"
-)
+# letters, digits, indices and a few commands
 ALLOWED = re.compile(rf"(\\(?:{COMMANDS.replace(' ', '|')})(?![A-Za-z])|[A-Za-z0-9',_^{{}}]| )+")
 NO_INDEX = re.compile(r"[_^]\s*(?:[_^}]|$)")  # a sign with nothing after it
 

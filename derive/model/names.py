@@ -10,6 +10,12 @@ import unicodedata
 from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS
 
 LONGEST = 60
+# of LaTeX that `symbol:` takes; no other gets into a page
+COMMANDS = (
+    "alpha beta gamma delta epsilon varepsilon zeta eta theta vartheta iota kappa lambda mu nu xi "
+    "pi rho sigma tau upsilon phi varphi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma "
+    "Upsilon Phi Psi Omega hat bar tilde mathrm mathbf ell"
+)
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 
 
@@ -52,12 +58,15 @@ def identifier(name: str) -> str:
 def _spelled(name: str) -> str:
     """How a name that is one Greek letter may be written."""
     about = unicodedata.name(name, "") if len(name) == 1 else ""
-    letter = re.match(r"GREEK (?:SMALL|CAPITAL) LETTER (\w+)\Z", about)
+    letter = re.match(r"GREEK (SMALL|CAPITAL) LETTER (\w+)\Z", about)
     if letter is None:
         return ""
-    word = letter[1].lower().replace("lamda", "lambda")
-    plain = "lam" if word == "lambda" else word
-    return f"; {plain} with `symbol: \\{word}` is shown as {name}"
+    word = letter[2].lower().replace("lamda", "lambda")
+    if letter[1] == "CAPITAL":
+        word = word.capitalize()
+    plain = word if objection(word) is None else f"{word}1"
+    shown = f" with `symbol: \\{word}` is shown as {name}" if word in COMMANDS.split() else ""
+    return f"; {plain}{shown}"
 
 
 def objection(name: str) -> tuple[str, str] | None:

@@ -20,18 +20,16 @@ def energy_error(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     counts from wherever it likes)."""
     T, V, work = columns["T"], columns["V"], columns["work"]
     total = columns.get("jacobi", T + V)
-    return relative(total - total[0] - work, T, V, work)
+    return (total - total[0] - work) / exchanged(T, V, work)
 
 
-def relative(off: np.ndarray, T: np.ndarray, V: np.ndarray, work: np.ndarray) -> np.ndarray:
-    """`off` in terms of the largest energy exchanged along the last axis; 0 where nothing but the
-    rounding of V is exchanged, as of a structure at rest."""
-    highest = np.max(np.abs(V), axis=-1)
+def exchanged(T: np.ndarray, V: np.ndarray, work: np.ndarray) -> np.ndarray:
+    """The largest energy exchanged along the last axis (J); ∞ where that is nothing but the
+    rounding of V, as of a structure at rest, so that errors in terms of it are 0."""
     sizes = (np.max(np.abs(T), axis=-1), np.ptp(V, axis=-1), np.max(np.abs(work), axis=-1))
-    exchanged = np.maximum.reduce(sizes)
-    moves = exchanged > ROUNDING * highest
-    scale = np.where(moves, exchanged, np.inf)
-    return off / (scale[..., None] if off.ndim > scale.ndim else scale)
+    largest = np.maximum.reduce(sizes)
+    moves = largest > ROUNDING * np.max(np.abs(V), axis=-1)
+    return np.where(moves, largest, np.inf)
 
 
 def largest_error(columns: Mapping[str, np.ndarray]) -> float:

@@ -19,7 +19,7 @@ from derive.linearize.steady import motion_of
 from derive.linearize.study import Study, study
 from derive.model import load_text
 from hamel.build.stages import mechanics_of
-from hamel.simulate.energies import relative
+from hamel.simulate.energies import exchanged
 from hamel.sweep.job import Job, Modes, Motions
 from hamel.sweep.kept import Kept, evaluated
 from hamel.sweep.linear import equations_in
@@ -207,7 +207,7 @@ class Run:
         T, V = energy[:, :, 0], energy[:, :, 1]
         total = energy[:, :, 2] if energy.shape[2] > 2 else T + V
         off = np.max(np.abs(total - total[:, :1] - work), axis=1)
-        return relative(off, T, V, work)
+        return off / exchanged(T, V, work)
 
 
 def _run(work: Motions, module: ModuleType, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> Run:

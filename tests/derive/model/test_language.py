@@ -17,7 +17,7 @@ from derive.expressions import tree
 from derive.expressions.parser import expression
 from derive.expressions.tree import ONE, ZERO, Name, Negative, Number, Rate
 from derive.joints import JOINTS
-from derive.model import Model, load, load_text, schema
+from derive.model import Model, load, load_text, names, schema
 from derive.model.constraint_records import Holonomic, NoSlip, Rolling
 from derive.model.load_records import (
     Force,
@@ -560,5 +560,20 @@ joints: {j: {type: revolute, parent: ground, child: a, coordinate: φ}}
         load(path)
     said = [(d.message, d.expected) for d in caught.value.diagnostics]
     assert [message for message, _ in said] == ["'λ' is not a name", "'φ' is not a name"]
-    assert r"lam with `symbol: \lambda` is shown as λ" in said[0][1]
+    assert r"lambda1 with `symbol: \lambda` is shown as λ" in said[0][1]
     assert r"phi with `symbol: \phi` is shown as φ" in said[1][1]
+
+
+@pytest.mark.parametrize(
+    "letter, hint",
+    (
+        ("Δ", r"; Delta with `symbol: \Delta` is shown as Δ"),
+        ("π", r"; pi1 with `symbol: \pi` is shown as π"),
+        ("Α", "; Alpha"),
+        ("é", ""),
+        ("φφ", ""),
+    ),
+)
+def test_the_hint_for_a_letter_is_one_that_the_language_takes(letter: str, hint: str):
+    said = names.objection(letter)
+    assert said is not None and said[1].endswith(f"at most 60{hint}")

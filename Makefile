@@ -80,11 +80,13 @@ targets: $(TARGETS_VENV)/.ready
 # What targets cost beside what they stand for, as ratios: FMU, JAX, CasADi, WebAssembly, Cortex-M7; exit 4 where one is above its
 # limit. Pinocchio's templates on CasADi's numbers take minutes to compile, once.
 target-speed: $(TARGETS_VENV)/.ready $(BENCH)/.ready
+	-@benchmarks/install_target_tools.sh
 	$(TARGETS_VENV)/bin/python benchmarks/target_speed.py
 	$(BENCH)/bin/python benchmarks/panda_targets.py
 
 # Cortex-M4F and M7 in QEMU, from arm-none-eabi-gcc: values, no double, instructions, stack and flash of every kind of model.
 embedded: $(TARGETS_VENV)/.ready
+	-@benchmarks/install_target_tools.sh
 	$(TARGETS_VENV)/bin/python benchmarks/target_checks.py cortex-m
 
 # The table and the plots of docs/bench.md from build/bench.json.

@@ -34,7 +34,7 @@ VARIED = (
     *("--vary", "m2=normal(2.5, 0.1)", "--vary", "l1=normal(0.2, 1 mm)"),
     *("--vary", "q1=uniform(0, 360 deg)", "--keep", "state", "--keep", "tip.x", "--keep", "steps"),
 )
-FIRST, MOST = 8.0, 1800.0  # s until the first kill after the first chunk; s in all
+LONG, MOST = 30.0, 1800.0  # s of the sweep in one process; at most, with all that happens to it
 PYTHON = sys.executable
 
 
@@ -120,6 +120,23 @@ def chunks(folder: Path) -> int:
     )
 
 
+def undisturbed(folder: Path, motions: int, chunk: int) -> float:
+    """Seconds of the sweep in one process."""
+    begin = time.monotonic()
+    if done := started(*sweep(folder, motions, chunk)).wait():
+        raise SystemExit(f"the undisturbed sweep ended with exit code {done}: see {PLACE / 'log'}")
+    return time.monotonic() - begin
+
+
+def enough(chunk: int) -> int:
+    """Motions that keep this machine busy for about LONG: none is killed of a sweep that is over
+    before its workers have begun."""
+    few, more = 2_000, 22_000
+    seconds = [undisturbed(PLACE / f"{count}", count, chunk) for count in (few, more)]
+    each = max(seconds[1] - seconds[0], 0.1) / (more - few)
+    return round(min(max(LONG / each, 60_000), 1_000_000) / chunk) * chunk
+
+
 def disturbed(folder: Path, motions: int, chunk: int, seed: int) -> tuple[int, int, list[int]]:
     """The sweep, with all that happens to it: kills of workers and of the scheduler, exit codes of
     the command."""
@@ -172,26 +189,25 @@ def numbers(folder: Path) -> list[int]:
 def main() -> None:
     """The comparison; exit code 1 where anything differs."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("--motions", type=int, default=60_000)
+    arguments.add_argument("--motions", type=int, help="default: as many as take LONG")
     arguments.add_argument("--chunk", type=int, default=250)
     arguments.add_argument("--seed", type=int, default=0)
     asked = arguments.parse_args()
     shutil.rmtree(PLACE, ignore_errors=True)
     PLACE.mkdir(parents=True)
     calm, rough = PLACE / "undisturbed", PLACE / "disturbed"
-    print(f"{asked.motions} motions in one process", flush=True)
-    done = started(*sweep(calm, asked.motions, asked.chunk)).wait()
-    if done:
-        raise SystemExit(f"the undisturbed sweep ended with exit code {done}")
+    motions = asked.motions or enough(asked.chunk)
+    print(f"{motions} motions in one process", flush=True)
+    undisturbed(calm, motions, asked.chunk)
     print("the same on dask, with workers and the scheduler killed on the way", flush=True)
-    killed, lost, codes = disturbed(rough, asked.motions, asked.chunk, asked.seed)
+    killed, lost, codes = disturbed(rough, motions, asked.chunk, asked.seed)
     made = numbers(rough)
     record = {
-        "motions": asked.motions,
+        "motions": motions,
         "killed_workers": killed,
         "killed_schedulers": lost,
         "identical": files(calm) == files(rough),
-        "lost": asked.motions - len(set(made)),
+        "lost": motions - len(set(made)),
         "doubled": len(made) - len(set(made)),
         "exit_codes": codes,
     }

@@ -368,9 +368,14 @@ class Mujoco:
             else mujoco.MjModel.from_xml_path(str(file))
         )
         off = mujoco.mjtDisableBit
+        acts = not self.model.opt.disableflags & (off.mjDSBL_CONSTRAINT | off.mjDSBL_FRICTIONLOSS)
+        self.friction = self.model.dof_frictionloss * acts
         self.model.opt.disableflags |= (
             off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_CLAMPCTRL
         )
+        # what `hamel import` says it leaves out: clamped forces, the medium around the bodies
+        self.model.actuator_forcelimited[:] = self.model.jnt_actfrclimited[:] = 0
+        self.model.opt.density = self.model.opt.viscosity = 0.0
         self.data = mujoco.MjData(self.model)
         names = [self.model.joint(i).name for i in range(self.model.njnt)]
         self.joints = [(self.model.joint(i), found.joints[name]) for i, name in enumerate(names)]
@@ -388,9 +393,9 @@ class Mujoco:
             [i for i, v in enumerate(model.velocities) if v.owner == own],
         )
 
-    def put(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> None:
+    def put(self, q: np.ndarray, v: np.ndarray, u: np.ndarray, z: np.ndarray) -> None:
         """Our state and inputs into MuJoCo's data, with friction as the importer smooths it; then
-        everything is evaluated."""
+        everything is evaluated. Activations z stand in the order of the file."""
         for joint, own in self.joints:
             places, columns = self._slots(joint, own)
             self.data.qpos[joint.qposadr[0] : joint.qposadr[0] + len(places)] = q[places]
@@ -398,9 +403,8 @@ class Mujoco:
             if len(columns) == 6:
                 rates = np.concatenate([_rotation(q[places[3:]]) @ rates[:3], rates[3:]])
             self.data.qvel[joint.dofadr[0] : joint.dofadr[0] + len(columns)] = rates
-        self.data.qfrc_applied[:] = -self.model.dof_frictionloss * np.tanh(
-            self.data.qvel / self.width
-        )
+        self.data.qfrc_applied[:] = -self.friction * np.tanh(self.data.qvel / self.width)
+        self.data.act[:] = z
         if self.model.nu:
             self.data.ctrl[:] = u
         else:  # a URDF has no actuators
@@ -478,8 +482,8 @@ def against_mujoco(file: Path) -> Report:
         q = rng.normal(size=mechanics.q.numel()) if sample is None else sample.q[k]
         for start in mechanics.quaternions:
             q[start : start + 4] /= np.linalg.norm(q[start : start + 4])
-        v = rng.normal(size=mechanics.v.numel())
-        _mujoco_state(peer, ours, derived, q, v, rng.normal(size=mechanics.u.numel()), report)
+        v, u, z = (rng.normal(size=x.numel()) for x in (mechanics.v, mechanics.u, mechanics.z))
+        _mujoco_state(peer, ours, q, (v, u, z), report)
     worst = max(report.errors.values())
     if not worst <= TOLERANCE:
         report.verdict, report.reason = "wrong", f"accelerations differ by {worst:.1e}"
@@ -489,23 +493,22 @@ def against_mujoco(file: Path) -> Report:
 def _mujoco_state(
     peer: Mujoco,
     ours: dict[str, ca.Function],
-    derived: Equations,
     q: np.ndarray,
-    v: np.ndarray,
-    u: np.ndarray,
+    given: tuple[np.ndarray, np.ndarray, np.ndarray],
     report: Report,
 ) -> None:
-    x = np.asarray(ours["state"](0.0, np.concatenate([q, v]), u, [])).ravel()
-    S = np.asarray(ours["S"](0.0, x, u, []))
-    v = S @ x[len(q) :]
-    rates = np.asarray(ours["dynamics"](0.0, x, u, [])).ravel()[len(q) :]
-    turning = _directional(
-        lambda x: np.asarray(ours["S"](0.0, x, u, [])),
-        x,
-        np.asarray(ours["dynamics"](0.0, x, u, [])).ravel(),
-    )
-    vdot = S @ rates + turning @ x[len(q) :]
-    peer.put(q, v, u)
+    v, u, z = given
+    x = np.asarray(ours["state"](0.0, np.concatenate([q, v, z]), u, [])).ravel()
+    w = slice(len(q), len(x) - len(z))
+    span = lambda x: np.asarray(ours["S"](0.0, x, u, []))[:, : w.stop - w.start]  # noqa: E731
+    S = span(x)
+    v = S @ x[w]
+    rates = np.asarray(ours["dynamics"](0.0, x, u, [])).ravel()
+    turning = _directional(span, x, rates)
+    vdot = S @ rates[w] + turning @ x[w]
+    peer.put(q, v, u, z)
+    if len(z):
+        _note(report, "activation", rates[w.stop :], np.array(peer.data.act_dot))
     accelerations = peer.theirs(q, v, vdot)
     if not len(peer.rows()):
         return _note(report, "dynamics", accelerations, np.array(peer.data.qacc_smooth))

@@ -1,5 +1,7 @@
 """How near a sweep comes to the bare lane kernel, what a chunk costs besides, and how many tasks a
-dask scheduler hands out: build/sweeps.json. Everything is measured side by side, the least of several.
+dask scheduler hands out: build/sweeps.json. Everything is measured side by side, the least of several;
+by the clock, and in processor time of this process and its workers, which other work on the machine
+leaves nearly as it is.
 
     python benchmarks/sweeps.py [--dask] [--plot FILE] [--peers]
 """
@@ -7,6 +9,7 @@ dask scheduler hands out: build/sweeps.json. Everything is measured side by side
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import tempfile
@@ -20,6 +23,7 @@ from typing import Any
 
 import ensembles
 import numpy as np
+import psutil
 from peers.contest import BUILD
 from peers.ensembles import by_processes, one_by_one, rolled_out
 
@@ -37,6 +41,7 @@ from hamel.sweep.plan import Asked, Plan, planned
 ROOT = Path(__file__).resolve().parent.parent
 CORES = os.cpu_count() or 1
 CHUNKS = (16, 64, 256, 1024, 4096)  # motions
+PROCESSOR = ", processor time"
 METHOD = Method("quasi_velocities", None, None, "dop853", None, 1e-9, None)
 
 
@@ -49,17 +54,24 @@ def plan(count: int, chunk: int, seconds: float) -> Plan:
     return planned(ROOT / "models" / "four_bar.yaml", asked)
 
 
-def swept(of: Plan, by: Engine) -> float:
-    """Seconds of a whole sweep into a new folder."""
+def now() -> np.ndarray:
+    """Seconds by the clock, and of processor time."""
+    me = psutil.Process()
+    times = [each.cpu_times() for each in (me, *me.children(recursive=True))]
+    return np.array([time.perf_counter(), sum(each.user + each.system for each in times)])
+
+
+def swept(of: Plan, by: Engine) -> np.ndarray:
+    """Seconds of a whole sweep into a new folder, as `now` has them."""
     with tempfile.TemporaryDirectory(dir=ROOT / "build") as place:
         folder = Folder(place + "/sweep", True)
         folder.enter(dict(of.about))
-        begin = time.perf_counter()
+        begin = now()
         driven(of, by, folder, 0)
-        return time.perf_counter() - begin
+        return now() - begin
 
 
-def bare(of: Plan) -> Callable[[], float]:
+def bare(of: Plan) -> Callable[[], np.ndarray]:
     """Seconds of the same motions in one call of the module, on all cores, with starts at hand."""
     job = of.jobs[0]
     name, data = payload(job)
@@ -75,21 +87,21 @@ def bare(of: Plan) -> Callable[[], float]:
     x = module.state(0.0, np.hstack([start.q, start.v]), u, p)
     by = job.work.stepping
 
-    def seconds() -> float:
-        begin = time.perf_counter()
+    def seconds() -> np.ndarray:
+        begin = now()
         module.simulate(
             (job.work.times[0], job.work.times[-1]), x, u, p, rtol=by.rtol, atol=by.atol,
             threads=CORES, times=job.work.times, integrator=by.integrator, enforcement=by.enforcement,
         )  # fmt: skip
-        return time.perf_counter() - begin
+        return now() - begin
 
     return seconds
 
 
-def least(times: int, *calls: Callable[[], float]) -> list[float]:
+def least(times: int, *calls: Callable[[], np.ndarray]) -> list[np.ndarray]:
     """Of each, in turn."""
     rounds = [[call() for call in calls] for _ in range(times)]
-    return [min(column) for column in zip(*rounds)]
+    return [np.min(column, axis=0) for column in zip(*rounds)]
 
 
 def beside_peers(by: Engine) -> dict[str, float]:
@@ -105,7 +117,7 @@ def beside_peers(by: Engine) -> dict[str, float]:
     sampling = Sampling(ensembles.MANY, "random", 0)
     asked = Asked(vary, (), ["state"], sampling, method, Rows(span), chunk=1024)
     of = planned(BUILD / "whole" / "chain2.yaml", asked)
-    own = min(swept(of, by) for _ in range(3)) / ensembles.MANY
+    own = least(3, partial(swept, of, by))[0][0] / ensembles.MANY
     alone = one_by_one(place.folder, place.site.u, span)
     ratios: dict[str, float] = {}
     for peer in (by_processes(alone, CORES), rolled_out(2, span, CORES)):
@@ -114,22 +126,30 @@ def beside_peers(by: Engine) -> dict[str, float]:
     return ratios
 
 
-def shares(by: Engine, kernel: float, rounds: int) -> list[tuple[int, float]]:
-    """Of the throughput of the bare kernel on all cores, by motions a chunk. `kernel`: its seconds
-    for a motion. What a sweep takes to start is left out: between few motions and many."""
-    found: list[tuple[int, float]] = []
+def shares(engines: dict[str, Engine], rounds: int) -> dict[str, list[tuple[int, float]]]:
+    """Of the throughput of the bare kernel on all cores, by motions a chunk; and what both take of
+    processor time, one over the other. The kernel and all
+    engines go in turn, and for about as long, so that what else the machine does meets them alike.
+    What a sweep takes to start is left out: between few motions and many."""
+    names = [name + how for name in engines for how in ("", PROCESSOR)]
+    found: dict[str, list[tuple[int, float]]] = {name: [] for name in names}
     some = CHUNKS[-1] * CORES  # a chunk for every core
+    kernel = bare(plan(2 * some, CHUNKS[-1], 5.0))
     for chunk in CHUNKS:
         few, many = (plan(count, chunk, 5.0) for count in (some, 3 * some))
-        short, long = least(rounds, partial(swept, few, by), partial(swept, many, by))
-        found.append((chunk, 2 * some * kernel / (long - short)))
+        calls = [partial(swept, of, by) for by in engines.values() for of in (few, many)]
+        alone, *seconds = least(rounds, kernel, *calls)
+        for name, short, long in zip(engines, seconds[::2], seconds[1::2]):
+            for how, share in zip(("", PROCESSOR), alone / (long - short)):
+                found[name + how].append((chunk, float(share)))
     return found
 
 
 def plot(found: dict[str, list[tuple[int, float]]]) -> str:
-    """The shares over motions a chunk."""
-    lines = [Series(name, points) for name, points in found.items()]
-    title = "Throughput of a sweep over that of the bare kernel, on all cores"
+    """The shares of processor time over motions a chunk: those that repeat."""
+    ends = {name: points for name, points in found.items() if name.endswith(PROCESSOR)}
+    lines = [Series(name.removesuffix(PROCESSOR), points) for name, points in ends.items()]
+    title = "Processor time of the bare kernel over that of a sweep and its workers"
     return chart(title, "motions a chunk", "share", lines, log=(True, False))
 
 
@@ -151,27 +171,31 @@ def main() -> None:
     """The figures, printed and written."""
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--dask", action="store_true", help="also dask with a worker a core")
-    arguments.add_argument("--rounds", type=int, default=3)
+    arguments.add_argument("--rounds", type=int, default=5)
     arguments.add_argument("--plot", type=Path, help="shares over motions a chunk, as SVG")
     arguments.add_argument("--peers", action="store_true", help="also joblib and MuJoCo")
     asked = arguments.parse_args()
     warnings.simplefilter("ignore")
     found: dict[str, Any] = {"cores": CORES}
     long, short, more_short = plan(4096, 1024, 5.0), plan(512, 8, 1e-3), plan(4096, 8, 1e-3)
-    kernel = least(3 * asked.rounds, bare(long))[0] / 4096
-    with engine("here", CORES) as here:
-        found["motions_per_second_bare"] = 1.0 / kernel
+    alone = least(3 * asked.rounds, bare(long))[0]
+    found["motions_per_second_bare"] = 4096 / alone[0]
+    found["motion_us"] = 1e6 * alone[1] / 4096
+    with contextlib.ExitStack() as stack:
+        here = stack.enter_context(engine("here", CORES))
         few, many = least(asked.rounds, lambda: swept(short, here), lambda: swept(more_short, here))
-        found["chunk_overhead_ms"] = 1e3 * (many - few) / (more_short.chunks - short.chunks)
-        found["start_seconds"] = few - short.chunks * found["chunk_overhead_ms"] / 1e3
-        found["shares"] = {"threads": shares(here, kernel, asked.rounds)}
+        each = (many - few) / (more_short.chunks - short.chunks)
+        found["chunk_overhead_ms"], found["chunk_processor_ms"] = 1e3 * each
+        found["start_seconds"] = (few - short.chunks * each)[0]
         found["bytes_a_motion"] = _bytes(long, here)
         found["job_bytes"] = len(payload(long.jobs[0])[1])
-    if asked.dask:
-        with engine("local", CORES) as dask:
+        engines = {"threads": here}
+        if asked.dask:
+            engines["dask"] = dask = stack.enter_context(engine("local", CORES))
             swept(long, dask)  # workers import what they need
-            found["shares"]["dask"] = shares(dask, kernel, asked.rounds)
             found["dask_tasks_per_second"] = tasks_per_second(dask)
+        found["shares"] = shares(engines, asked.rounds)
+        found["load"] = os.getloadavg()[0]
     if asked.plot:
         asked.plot.write_text(plot(found["shares"]), encoding="utf-8")
     if asked.peers:

@@ -13,6 +13,7 @@ import numpy as np
 from codegen.runtime.simulation import Simulation
 from derive.choices.orthonormal import LENGTH
 from derive.formulations.records import Equations, Function
+from derive.states.initial import Initial
 from hamel.records import Switch
 
 
@@ -26,11 +27,11 @@ LEFT = 0.5  # of a direction of a frame at the start: with less the frame is bas
 
 
 def start(
-    module: ModuleType, q: np.ndarray, v: np.ndarray, u: np.ndarray, p: np.ndarray, t: float = 0.0
+    module: ModuleType, initial: Initial, u: np.ndarray, p: np.ndarray, t: float = 0.0
 ) -> tuple[np.ndarray, int, np.ndarray]:
-    """The state at t in a chart that is regular there, made from (q, v) itself; the first where
-    it is good enough. And the parameters, with a frame that is good there behind them."""
-    qv = np.concatenate([q, v])
+    """The state at t in a chart that is regular there, made from (q, v, z) itself; the first
+    where it is good enough. And the parameters, with a frame that is good there behind them."""
+    q = initial.q
     at = np.concatenate([q, np.zeros(module.nx - len(q))])  # of which only q counts
     if hasattr(module, "rebase") and module.frame(t, at, u, p) < LEFT:
         p = module.rebase(t, at, u, p)
@@ -38,7 +39,7 @@ def start(
     chart = int(module.chart(t, at, u, p, active=0)) if several else 0
     state = in_chart(module, "state", chart)
     assert state is not None  # every chart has one
-    return state(t, qv, u, p), chart, p
+    return state(t, initial.whole, u, p), chart, p
 
 
 def parameters(found: Any, p: np.ndarray) -> np.ndarray:
@@ -53,10 +54,10 @@ def inputs(found: Any, u: np.ndarray) -> np.ndarray:
 
 
 def pieces(
-    module: ModuleType, simulation: Simulation, nq: int, u: np.ndarray, p: np.ndarray
+    module: ModuleType, simulation: Simulation, w: slice, u: np.ndarray, p: np.ndarray
 ) -> Iterator[tuple[int, np.ndarray, Simulation]]:
     """Each chart that has rows of what simulate() found: its number, the rows, and these with x in
-    its own coordinates."""
+    its own coordinates; `w` is where quasi-velocities stand in it."""
     if simulation.chart is None:
         yield 0, np.arange(len(simulation.t)), simulation
         return
@@ -68,16 +69,16 @@ def pieces(
         here = p[rows] if p.ndim > 1 else p
         fed = None if simulation.u is None else simulation.u[rows]
         now = u if fed is None else fed
-        x = state(
-            simulation.t[rows], np.hstack([simulation.x[rows, :nq], simulation.v[rows]]), now, here
-        )
+        old, v = simulation.x[rows], simulation.v[rows]
+        moving = np.hstack([old[:, : w.start], v, old[:, w.stop :]])
+        x = state(simulation.t[rows], moving, now, here)
         framed = here if simulation.p is not None else None
         t, work = simulation.t[rows], simulation.work[rows]
         yield chart, rows, replace(simulation, t=t, x=x, work=work, p=framed, u=fed)
 
 
 def at_rows(
-    module: ModuleType, name: str, simulation: Simulation, nq: int, u: np.ndarray, p: np.ndarray
+    module: ModuleType, name: str, simulation: Simulation, w: slice, u: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
     """The function at every row, in the chart the row was made in; no column where the module has
     no such function."""
@@ -85,7 +86,7 @@ def at_rows(
         return np.zeros((len(simulation.t), 0))
     parts = [
         (rows, in_chart(module, name, chart), part)
-        for chart, rows, part in pieces(module, simulation, nq, u, p)
+        for chart, rows, part in pieces(module, simulation, w, u, p)
     ]
     values = [
         (rows, call(part.t, part.x, inputs(part, u), parameters(part, p)))

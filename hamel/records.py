@@ -479,7 +479,8 @@ class Reported:
 @dataclass(frozen=True)
 class KeptColumn:
     """What is known of a kept quantity over all motions of a sweep that came to their end.
-    `lowest` and `highest`: (value, number of the motion); quantiles to half a per cent."""
+    `lowest` and `highest`: (value, number of the motion); quantiles to half a per cent of a value,
+    and nearer where values lie closely."""
 
     name: str
     unit: str
@@ -489,6 +490,7 @@ class KeptColumn:
     quantiles: Mapping[str, float]
     lowest: tuple[tuple[float, int], ...]
     highest: tuple[tuple[float, int], ...]
+    histogram: tuple[Sequence[float], Sequence[int]]  # edges, and how many are between them
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,7 @@ def units(model: Model) -> dict[str, str]:
             *model.coordinates,
             *model.velocities,
             *model.states,
+            *model.speeds,
         )
     }
     rates = {f"der({c.name})": f"{c.unit or 1}/s" for c in model.coordinates}

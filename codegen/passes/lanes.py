@@ -6,7 +6,7 @@ from codegen.passes.split import is_long
 from codegen.program import Expression, Kernel, Program, Visit
 
 DYNAMICS = "dynamics"
-BATCHED = (DYNAMICS, "derivatives")  # worth the time to compile them twice
+BATCHED = (DYNAMICS, "derivatives", "steady")  # worth the time to compile them twice
 STEPPED = ("power", "project", "constraints", "guards")  # what a step calls besides
 WATCHED = "events"  # and where something is looked for; without it motions with events go alone
 PLAIN = frozenset({

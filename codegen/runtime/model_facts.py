@@ -92,6 +92,7 @@ class Facts:
     real: Any  # the type of numbers, as NumPy takes it
     nx: int
     nq: int
+    nz: int  # first-order states, the last of x
     inputs: tuple[str, ...]
     methods: tuple[Method, ...]
     enforcements: tuple[str, ...]

@@ -109,11 +109,13 @@ def is_based_anew(motion: Motion, least: float | None = None) -> bool:
 
 def _measured_along(motion: Motion, at: tuple[Any, ...], p: np.ndarray) -> np.ndarray:
     """The same state in the frame of motion.p, which was in that of p."""
-    binding, charts, nq = motion.facts.numpy(), motion.facts.charts, motion.facts.nq
+    facts, x = motion.facts, at[1]
+    binding, charts = facts.numpy(), facts.charts
     suffix = charts.SUFFIXES[motion.chart] if charts else ""
     v = getattr(binding, f"velocity{suffix}")(*at, p)
     state = getattr(binding, f"state{suffix}")
-    return state(at[0], np.concatenate([at[1][:nq], v]), motion.u, motion.p)
+    moving = np.concatenate([x[: facts.nq], v, x[facts.nx - facts.nz :]])
+    return state(at[0], moving, motion.u, motion.p)
 
 
 def independence(motion: Motion, nullspace: Nullspace) -> float:

@@ -22,6 +22,7 @@ def files(program: Program) -> dict[str, str]:
         "prefix": program.name,
         "PREFIX": program.name.upper(),
         "nq": program.coordinates,
+        "nz": len(program.states),
         "charts": [(chart, free(identifier(chart.choice))) for chart in program.charts],
         "most": max(1, *(len(chart.largest) for chart in program.charts)),
         "low": LOW,

@@ -92,7 +92,7 @@ def selected(system: System, kept: Sequence[int]) -> Independent:
     for k, i in enumerate(rows):
         E[k, i] = 1
     names = tuple(system.rows[i].name for i in rows)
-    return Independent(E, system.A[rows, :], system.c[rows], system.beta[rows], names)
+    return Independent(E, system.A[rows, :], system.c[rows, :], system.beta[rows, :], names)
 
 
 def combined(system: System, kept: Sequence[int], found: Sequence[Group]) -> Independent:

@@ -75,7 +75,7 @@ def run(
     `entry` gives the value of a nonzero of an argument, `number` that of a constant, `operation`
     that of an instruction on its operands. Values are let go after their last use.
     """
-    last = _last_uses(program)
+    dead = ended(program)
     values: dict[int, Value] = {}
     for k, read in enumerate(program.instructions):
         if read.code == ca.OP_INPUT:
@@ -84,10 +84,18 @@ def run(
             values[k] = number(read.number)
         else:
             values[k] = operation(read, [values[operand] for operand in read.operands])
-        for operand in {*read.operands, k}:
-            if last[operand] <= k:
-                del values[operand]
+        for ended_one in dead[k]:
+            del values[ended_one]
     return [[values[k] for k in output] for output in program.outputs]
+
+
+def ended(program: Listing) -> list[tuple[int, ...]]:
+    """For every instruction the results that nobody uses after it, its own if nobody ever does."""
+    last = _last_uses(program)
+    return [
+        tuple(i for i in {*read.operands, k} if last[i] <= k)
+        for k, read in enumerate(program.instructions)
+    ]
 
 
 def _last_uses(program: Listing) -> list[int]:

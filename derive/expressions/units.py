@@ -73,6 +73,7 @@ _OTHER: dict[str, tuple[float, dict[str, int]]] = {
     "deg": (math.pi / 180.0, {"rad": 1}),
     "rev": (_TURN, {"rad": 1}),
     "rpm": (_TURN / 60.0, {"rad": 1, "s": -1}),
+    "bar": (1e5, {"Pa": 1}),
 }
 _PREFIXED = {
     "km cm mm um": "m",

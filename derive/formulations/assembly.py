@@ -75,7 +75,7 @@ def _minimal(survey: Survey, reduction: Reduction, found: Explicit, lam: ca.SX) 
         A=rows.A,
         c=rows.c,
         beta=rows.beta,
-        lam=ca.SX(0, 1) if survey.combines else lam[list(survey.kept)],
+        lam=ca.SX(0, 1) if survey.combines else lam[list(survey.kept), :],
     )
 
 

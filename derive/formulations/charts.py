@@ -2,8 +2,8 @@
 is nearly singular.
 
 Every choice is a chart of the same motion, regular where its pivots are away from zero. From chart
-a to chart b a state is carried exactly, x_b = (q, B_b v) with v = S_a w_a + R_a c: nothing is
-projected or fitted.
+a to chart b a state is carried exactly, x_b = (q, B_b v, z) with v = S_a w_a + R_a c: nothing is
+projected or fitted, and first-order states z are the same in all.
 """
 
 from __future__ import annotations
@@ -203,11 +203,11 @@ def differs(equations: Equations, function: Function) -> bool:
     or is made of B. What does not differ is written once for all charts of a module."""
     x = equations.argument("x").symbols
     nq, value = equations.system.q.numel(), function.result.value
-    w = x[nq:, 0]
+    w = x[equations.speeds, 0]
     if (
         function.iteration
         and value.numel() == x.numel()
-        and all(ca.is_equal(value[nq + k], w[k]) for k in range(w.numel()))
+        and all(ca.is_equal(value[i], x[i]) for i in range(nq, x.numel()))
     ):
         value = value[:nq, 0]
     return bool(function.name in BY_ROWS or function.guards or ca.depends_on(value, w))

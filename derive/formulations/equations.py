@@ -40,11 +40,9 @@ def equations(
     Several choices, `a+b`, are charts of one module; with `charts` a choice that is not named gets
     further ones where no choice is safe. With `moving` directions that a choice is based on are
     data, as generated modules have them. Raises AssumptionError for an unknown name, where the
-    formulation does not fit the system, where the choice does not fit the constraints, and for
-    charts of a model with first-order states, which get one choice.
+    formulation does not fit the system, and where the choice does not fit the constraints.
     """
-    carried = not system.model.states  # by charts, and by directions that are based anew
-    asked, survey = named(formulation), survey_of(system, moving and carried)
+    asked, survey = named(formulation), survey_of(system, moving)
     wanted = [declared(system, name) for name in _names(choice)]
     reason = asked.misfit(survey)
     if reason:
@@ -52,16 +50,9 @@ def equations(
             f"{system.model.name}: formulation {asked.name} does not fit: {reason}"
         )
     result = [_of_choice(asked, survey, one) for one in (wanted if asked.chooses else wanted[:1])]
-    if len(result) > 1 and not carried:
-        names = listed(state.name for state in system.model.states)
-        raise AssumptionError(
-            f"{system.model.name}: charts do not carry first-order states ({names}): what takes a "
-            "state from one to another knows q and v alone",
-            "one choice of quasi-velocities",
-        )
     if len(result) > 1:
         return charted(result, survey)
-    if charts and carried and choice is None:
+    if charts and choice is None:
         return covered(
             result[0], survey, lambda name: _of_choice(asked, survey, declared(system, name))
         )

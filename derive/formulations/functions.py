@@ -373,7 +373,8 @@ def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
     """w + B δ with the least δ, in the metric of M, that brings A v to c: linear, so one step does
     it."""
     rows = list(motion.kept)
-    violation = at_motion(system, motion, ca.mtimes(system.A[rows, :], system.v) - system.c[rows])
+    violation = ca.mtimes(system.A[rows, :], system.v) - system.c[rows, :]
+    violation = at_motion(system, motion, violation)
     entries = [violation[i] for i in range(len(rows))]
     step = bordered_solution(
         metric(system), system.A[rows, :], [0.0] * system.v.numel(), [-x for x in entries]

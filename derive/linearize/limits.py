@@ -15,6 +15,7 @@ NOTHING = 1e-8  # relative size of a derivative that counts as zero at random st
 DISCRETE_STEPS = 8  # of the fourth order within h
 
 # minimal
+MANY = 32  # points from which operations take longer than what calls them
 WEAK = 1e-9  # relative size of what is left of a row that repeats others
 # coordinates whose rates are quasi-velocities become dependent only where others are this much
 # weaker

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from derive.diagnostics import AssumptionError
+from derive.expressions.columns import columns_of
 from derive.linearize.limits import KEPT, RANK, STRAIGHT
 from derive.linearize.records import Steady
 from derive.linearize.steady import Problem, row_sizes, solved, with_inputs
@@ -33,14 +34,14 @@ def steady_motions(study: Study, values: Columns) -> tuple[Steady, np.ndarray]:
     given, origin = np.hstack([p, s]), np.hstack([own_p[0], own_s[0]])
     y = y0 + (given - origin) @ _directions(study, y0, tuple(values)).T
     y = _with_inputs(problem, y, p, s)
-    good = _residuals(problem, y, p, s) <= STRAIGHT * (1 + np.max(np.abs(y), axis=1))
+    good = _worst(study, y, p, s) <= STRAIGHT * (1 + np.max(np.abs(y), axis=1))
     rest = np.flatnonzero(~good)
-    slopes = _evaluated(problem, y0[None], own_p, own_s)[1][0]
-    rows = row_sizes(problem, slopes)
-    for part in np.array_split(rest, -(-len(rest) // AT_ONCE)) if len(rest) else ():
-        y[part], good[part] = _newton(problem, y[part], p[part], s[part], rows)
+    if len(rest):
+        rows = row_sizes(problem, _evaluated(problem, y0[None], own_p, own_s)[1][0])
+        for part in np.array_split(rest, -(-len(rest) // AT_ONCE)):
+            y[part], good[part] = _newton(study, y[part], p[part], s[part], rows)
     nx = first.x.shape[1]
-    return Steady(y[:, :nx], y[:, nx:], p, _residuals(problem, y, p, s)), good
+    return Steady(y[:, :nx], y[:, nx:], p, _worst(study, y, p, s)), good
 
 
 def _directions(study: Study, y0: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
@@ -60,9 +61,10 @@ def _directions(study: Study, y0: np.ndarray, names: tuple[str, ...]) -> np.ndar
 
 
 def _newton(
-    problem: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray, rows: np.ndarray
+    study: Study, y: np.ndarray, p: np.ndarray, s: np.ndarray, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Undamped, by least squares, in the model's own units; a row that stands stays as it is."""
+    problem = study.problem
     D, y = problem.scale, y.copy()
     weights = _free(problem, p, s) * D / rows[:, None]
     going, done = np.arange(len(y)), np.zeros(len(y), dtype=bool)
@@ -81,7 +83,7 @@ def _newton(
         if not len(going):
             break
     # a step that stands still is not yet a motion that is steady
-    off = _residuals(problem, y, p, s) / (1 + np.max(np.abs(y), axis=1))
+    off = _worst(study, y, p, s) / (1 + np.max(np.abs(y), axis=1))
     return y, done & (off <= KEPT)
 
 
@@ -94,7 +96,7 @@ def _free(problem: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
 def _with_inputs(problem: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
     """y with inputs that are held at their values."""
     first = problem.equations.arguments[1].symbols.numel()
-    held = np.asarray(problem.held(p.T, s.T).full()).T
+    held = columns_of(problem.held)(p.T, s.T)[0][:, 0].T
     result = y.copy()
     for k, name in enumerate(problem.equations.arguments[2].labels, start=first):
         if name in problem.names:
@@ -105,14 +107,12 @@ def _with_inputs(problem: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) 
 def _evaluated(
     problem: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    nx, k = problem.equations.arguments[1].symbols.numel(), len(y)
-    R, J = problem.function.call([y[:, :nx].T, y[:, nx:].T, p.T, s.T])
-    rows = R.size1()
-    return R.full().T, J.full().reshape(rows, k, y.shape[1]).transpose(1, 0, 2)
-
-
-def _residuals(problem: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """The worst of each row; infinite where it is not finite."""
     nx = problem.equations.arguments[1].symbols.numel()
-    R = problem.residual(y[:, :nx].T, y[:, nx:].T, p.T, s.T).full().T
+    R, J = columns_of(problem.function)(y[:, :nx].T, y[:, nx:].T, p.T, s.T)
+    return R[:, 0].T, J.transpose(2, 0, 1)
+
+
+def _worst(study: Study, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """The worst of each row; infinite where it is not finite."""
+    R = study.residuals(y, p, s)
     return np.nan_to_num(np.max(np.abs(R), axis=1, initial=0.0), nan=np.inf)

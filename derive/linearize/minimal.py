@@ -16,9 +16,10 @@ import numpy as np
 
 from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
+from derive.expressions.columns import columns_of
 from derive.expressions.scalars import Vector
 from derive.formulations.records import Argument, Equations, Function, Request, Result
-from derive.linearize.limits import MINIMAL_NEAR, SPARED, WEAK
+from derive.linearize.limits import MANY, MINIMAL_NEAR, SPARED, WEAK
 from derive.linearize.records import Linear
 from derive.mechanics.records import System
 from derive.mechanics.solve import Block, lu_solution, scalars
@@ -222,6 +223,8 @@ def evaluator(equations: Equations, value: ca.SX) -> Evaluator:
         of a map side by side, which is why the axes are exchanged.
         """
         many = len(x)
+        if many >= MANY:
+            return columns_of(function)(np.zeros((1, 1)), x.T, u.T, p.T)[0].transpose(2, 0, 1)
         values = (
             np.asarray(function(np.zeros((1, many)), x.T, u.T, p.T))
             if value.numel()

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError, did_you_mean, listed
+from derive.expressions.columns import columns_of
 from derive.expressions.deferred import changed
 from derive.expressions.evaluate import number, value
 from derive.expressions.tree import Expression
@@ -30,6 +31,7 @@ from derive.model.records import Span, SteadyMotion
 from derive.states.closing import Kinematics, closed, nominal, normalised
 from derive.states.initial import initial_state
 from derive.states.scales import scales
+from derive.states.speeds import speed_rows
 
 GUESS = "guess"
 BESIDE = (0.1, 0.3, 1.0)  # how far beside the initial values `guess` starts at last
@@ -103,7 +105,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
     # a cyclic coordinate may go on changing: a rolling wheel's angle does
     still = [i for i in range(f.value.numel()) if i not in cyclic]
     wanted = _values_by_name(equations, motion, s)
-    quantities = _quantities(equations) | _declared(equations, motion)
+    quantities = _quantities(equations) | _declared(equations)
     held = _column([quantities[name][0] - value for name, value in wanted.items()])
     positions = position_rows(system)
     names = [
@@ -131,7 +133,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         speeds=ca.Function("B", [system.t, system.q, system.own_p], [ca.densify(B)]),
         declared={
             name: ca.Function("row", [system.t, system.q, system.own_p], [ca.densify(row)])
-            for name, row in _speed_rows(equations, motion).items()
+            for name, row in speed_rows(system).items()
         },
         names=tuple(wanted),
         held=ca.Function("held", [p, s], [_column(list(wanted.values()))]),
@@ -171,22 +173,12 @@ def _quantities(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
     return quantities | {i.name: (system.u[k], i.unit) for k, i in enumerate(model.inputs)}
 
 
-def _declared(equations: Equations, motion: SteadyMotion) -> dict[str, tuple[ca.SX, str]]:
+def _declared(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
     """The quasi-velocities that a motion may hold, over (x, p), with units."""
     v = equations.function("velocity").result.value
-    rows = _speed_rows(equations, motion)
-    return {name: (ca.mtimes(rows[name], v), unit) for name, _, unit in motion.speeds}
-
-
-def _speed_rows(equations: Equations, motion: SteadyMotion) -> dict[str, ca.SX]:
-    """Quasi-velocities are linear in v: the row of each over (t, q, p)."""
-    system = equations.system
-    symbols = system.symbols
-    names = dict(symbols.names)
-    return {
-        name: ca.jacobian(ca.SX(value(e, names, symbols.rates, symbols.functions)), system.v)
-        for name, e, _ in motion.speeds
-    }
+    rows = speed_rows(equations.system)
+    units = {x.name: x.unit for x in equations.system.model.speeds}
+    return {name: (ca.mtimes(row, v), units[name]) for name, row in rows.items()}
 
 
 def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
@@ -405,13 +397,14 @@ def family(found: Problem, p: np.ndarray, s: np.ndarray) -> Steady:
     y = np.zeros((many, nx + found.equations.system.u.numel()))
     y[0] = settled(found, p[0], s[0])
     _between(found, p, s, y, 0, many - 1, y[0])
-    R = _residuals(found, y, p, s)
+    R = residuals_of(found, y, p, s)
     return Steady(y[:, :nx], y[:, nx:], p, np.max(np.abs(R), axis=1, initial=0.0))
 
 
-def _residuals(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+def residuals_of(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """R (N × rows) at N motions y = (x, u)."""
     nx = found.equations.arguments[1].symbols.numel()
-    return np.asarray(found.residual(y[:, :nx].T, y[:, nx:].T, p.T, s.T)).T
+    return columns_of(found.residual)(y[:, :nx].T, y[:, nx:].T, p.T, s.T)[0][:, 0].T
 
 
 def _between(
@@ -434,9 +427,8 @@ def _between(
         inner = slice(first + 1, last)
         parts = _parts(np.hstack([p, s]), first, last)[:, np.newaxis]
         chord = y[first] + parts * (y[last] - y[first])
-        if np.max(np.abs(_residuals(found, chord, p[inner], s[inner])), initial=0.0) <= STRAIGHT * (
-            1 + np.max(np.abs(chord))
-        ):
+        off = np.max(np.abs(residuals_of(found, chord, p[inner], s[inner])), initial=0.0)
+        if off <= STRAIGHT * (1 + np.max(np.abs(chord))):
             y[inner] = chord
             return
     except AssumptionError:

@@ -3,8 +3,9 @@ values of what can be swept."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -16,10 +17,11 @@ from derive.linearize.limits import SAME_ROWS, SPREADS, STUDY_SAMPLES
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
 from derive.linearize.records import Linear, Steady
 from derive.linearize.spectrum import Stage, deflated, families
-from derive.linearize.steady import Problem, family, problem, settled
+from derive.linearize.steady import Problem, family, problem, residuals_of, settled
 from derive.model.records import SteadyMotion
 from derive.numerics import refuses_numerically
 
+Rows = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 Columns = Mapping[str, Sequence[float] | np.ndarray]  # values by name, one for each motion
 
 
@@ -36,6 +38,7 @@ class Study:
     families: tuple[Stage, ...]
     A: Evaluator
     A_kept: Evaluator  # without the cyclic coordinates
+    residuals: Rows  # (y, p, s) → what vanishes at the motion y = (x, u)
 
     @property
     def equations(self) -> Equations:
@@ -54,6 +57,14 @@ class Study:
         for stage in self.families:
             names = [name for i, name in enumerate(names) if i not in stage]
         return tuple(names)
+
+    @property
+    def length(self) -> int:
+        """How many operations the rows of the motion and the matrix take together, at most."""
+        A = self.linear.A[list(self.kept), list(self.kept)]
+        arguments = [argument.symbols for argument in self.equations.arguments]
+        matrix = ca.Function("A", arguments, [ca.cse(ca.densify(A))])
+        return int(matrix.n_instructions() + self.problem.residual.n_instructions())
 
     @property
     def spurious(self) -> int:
@@ -134,6 +145,7 @@ def study(
         (),
         evaluator(equations, form.A),
         evaluator(equations, form.A[at, at]),
+        partial(residuals_of, result),
     )
     velocity = [form.independent[k] >= equations.system.q.numel() for k in remaining]
     return replace(first, families=families(_samples(first), velocity))

@@ -9,6 +9,7 @@ from derive.model import (
     actuators,
     bodies,
     definitions,
+    delays,
     events,
     extremes,
     frames,
@@ -24,8 +25,10 @@ from derive.model import (
     ties,
 )
 from derive.model.collisions import check_collisions
+from derive.model.delays import with_delays
 from derive.model.document import MOST_BODIES, Key, Scalar, Source
 from derive.model.frames import Frame, Names
+from derive.model.initial import initial
 from derive.model.keys import Entry
 from derive.model.loads.expression import generalised_force
 from derive.model.loads.in_joint import in_joint
@@ -36,6 +39,8 @@ from derive.model.records import GROUND, Constraint, Load, Model, Vector3
 from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME, VELOCITY
 from derive.model.shape import Document, kind_of
 from derive.model.space import Space
+from derive.model.speeds import records
+from derive.model.speeds import speeds as of_choices
 
 LONGEST_TEXT = 64 << 10
 
@@ -60,7 +65,7 @@ def built(document: Document, source: Source) -> Model:
     check_tips(reader, model)
     actuators.check_held(reader, model)
     reader.finish()
-    return actuators.with_courses(model)
+    return actuators.with_courses(with_delays(model, names.delays))
 
 
 def _check_head(reader: Reader, document: Document) -> None:
@@ -111,16 +116,11 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
     inputs = actuators.inputs(reader, document, velocities)
     units = states.enter(reader, document)
     named_frames.check_names(reader, document)
-    check_collisions(reader, document, Names(parameters, coordinates, velocities, inputs, ()))
+    late = delays.delays(reader, document, inputs)
+    own = Names(parameters, coordinates, velocities, inputs, (), units, late)
+    check_collisions(reader, document, own)
     reader.finish()
-    return names, Names(
-        parameters,
-        coordinates,
-        velocities,
-        inputs,
-        definitions.definitions(reader, document),
-        units,
-    )
+    return names, replace(own, definitions=definitions.definitions(reader, document))
 
 
 def _model(reader: Reader, document: Document, joints: list[Frame], names: Names) -> Model:
@@ -132,6 +132,7 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         for key, scalar in document.outputs.items()
     )
     choices = motions.choices(reader, document)
+    speeds = of_choices(choices)
     found = tuple(bodies.body(reader, key, entry) for key, entry in document.bodies.items())
     model = Model(
         name=document.model.text,
@@ -169,9 +170,10 @@ def _model(reader: Reader, document: Document, joints: list[Frame], names: Names
         symbols=letters.letters(reader, document, names.coordinates),
         body_symbols=letters.of_bodies(reader, document),
         choices=choices,
-        initial=motions.initial(reader, document, joints),
+        initial=initial(reader, document, joints, speeds),
+        speeds=records(reader, speeds),
         steady_motions=tuple(
-            steady.steady_motion(reader, key, entry, steady.speeds(choices))
+            steady.steady_motion(reader, key, entry, speeds)
             for key, entry in document.steady_motion.items()
         ),
         kinetic=_energy(reader, document.kinetic, "a kinetic energy", MOTION),

@@ -16,6 +16,7 @@ def check_collisions(reader: Reader, document: Document, names: Names) -> None:
     places += [("input", u.name, u.span) for u in names.inputs]
     places += [("state", str(key), key.span) for key in document.states]
     places += [("definition", str(key), key.span) for key in document.where]
+    places += [("delayed input", name, span) for x in names.delays for name, span in x.names]
     places += [("velocity", v.name, v.span) for v in names.velocities if not v.rate_of]
     _check_distinct(reader, places)
     _check_constants(reader, document.model.text, places)

@@ -401,6 +401,17 @@ class InputEntry(Entry):
         description="A table over time (s) that the input follows.",
         json_schema_extra=term("table(t) in the place of u, of which it is no entry then"),
     )
+    delay: Constant | None = Field(
+        None,
+        description="How much later it arrives. What arrives drives the joint, and formulas call "
+        "it NAME_late.",
+        json_schema_extra=term("T: NAME_late is u after Padé's approximation of e^(−sT)", "s"),
+    )
+    delay_order: Constant | None = Field(
+        None,
+        description="Order of the approximation, which has as many states; 1 to 10.",
+        json_schema_extra=term("number of states in z", otherwise="2"),
+    )
     about: Text | None = Field(
         None, description="What it is, for readers.", json_schema_extra=term("nothing; for readers")
     )

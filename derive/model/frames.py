@@ -10,6 +10,7 @@ from derive.diagnostics import listed
 from derive.expressions.linearity import Degree
 from derive.expressions.tree import Expression
 from derive.joints import JOINTS, PLANAR_JOINTS, joint_type
+from derive.model.delays import Delay
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import CoordinateEntry, JointEntry, OrientationEntry
 from derive.model.reader import Reader, dimension_of
@@ -47,6 +48,7 @@ class Names:
     inputs: tuple[Input, ...]
     definitions: tuple[tuple[str, Expression], ...]
     states: Mapping[str, str] = field(default_factory=dict[str, str])  # units by name
+    delays: tuple[Delay, ...] = ()
 
     def coordinate(self, name: str | None) -> Coordinate | None:
         """The coordinate of that name; None where there is none."""

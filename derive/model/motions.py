@@ -1,4 +1,4 @@
-"""Choices of quasi-velocities, initial states and outputs."""
+"""Choices of quasi-velocities, names of what moves, and outputs."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.tree import ZERO, Expression
 from derive.expressions.units import pretty
-from derive.model import quaternions
 from derive.model.constraints.nonideal import velocity_degree
 from derive.model.document import Items, Key, Scalar
-from derive.model.frames import Frame, Names
+from derive.model.frames import Names
 from derive.model.kinematics import speaks_of_motion
 from derive.model.names import identifier
 from derive.model.reader import UNREAD, WITH_KINEMATICS, Reader
-from derive.model.records import CHOICE_KINDS, Choice, InitialValue, Output, Span
+from derive.model.records import CHOICE_KINDS, Choice, Output, Span
 from derive.model.scope import ANYTHING, COORDINATE, INPUT, PARAMETER, ROW, STATE, VELOCITY
 from derive.model.shape import Document
 from derive.model.space import ORIGIN
@@ -129,47 +128,6 @@ def _row(reader: Reader, scalar: Scalar) -> Expression:
         problem = "a quasi-velocity with a part that holds no velocity"
     reader.report(scalar.span, problem, "a formula linear in der(q) and the generalized velocities")
     return formula
-
-
-def initial(reader: Reader, document: Document, joints: list[Frame]) -> tuple[InitialValue, ...]:
-    """Values at t = 0, held or, under `guess`, only a start: held ones are kept where the
-    constraints let them, guesses move."""
-    values: dict[str, InitialValue] = {}
-    for key, entry in document.initial.items():
-        if isinstance(entry, Scalar):
-            _initial(reader, key, entry, True, values)
-        elif key != "guess":
-            reader.report(
-                key.span, f"a mapping under '{key}'", "a number, or a mapping under `guess`"
-            )
-        else:
-            for inner, scalar in entry.items():
-                _initial(reader, inner, scalar, False, values)
-    quaternions.normalise(reader, joints, values)
-    return tuple(values.values())
-
-
-def _initial(
-    reader: Reader, key: Key, scalar: Scalar, held: bool, found: dict[str, InitialValue]
-) -> None:
-    if key == "guess":
-        reader.report(scalar.span, "text under 'guess'", "a mapping of names to numbers")
-        return
-    name = state_name(reader, key)
-    if name is None:
-        return
-    if name in found:
-        first = found[name].span
-        both = "" if found[name].held == held else ": held and guessed"
-        reader.report(
-            key.span,
-            f"'{key}' is given twice{both}; first on line {first.line}, column {first.column}",
-            "one of the two",
-        )
-        return
-    value = reader.of_parameters(scalar, f"the initial {key}", unit=reader.scope.symbols[name].unit)
-    reader.value(value, scalar)
-    found[name] = InitialValue(name, value, held, key.span)
 
 
 def state_name(

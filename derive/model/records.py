@@ -283,9 +283,18 @@ class Choice:
 
 
 @dataclass(frozen=True)
+class Speed:
+    """A declared quasi-velocity that is held or guessed by name: NAME, or CHOICE.NAME."""
+
+    name: str
+    formula: Expression
+    unit: str
+
+
+@dataclass(frozen=True)
 class InitialValue:
-    """A coordinate or generalized velocity at t = 0. `held` values are kept when the state is made
-    consistent, guesses move."""
+    """A coordinate, generalized velocity or declared quasi-velocity at t = 0. `held` values are
+    kept when the state is made consistent, guesses move."""
 
     name: str
     value: Expression
@@ -300,8 +309,8 @@ class SteadyMotion:
 
     Inputs that are not named are zero, `free` ones are found. `guesses` are where the search for
     the rest starts; `cyclic` coordinates, where given, are the ones to leave out; `ranges`:
-    sweepable name or parameter → first, last and how many values; `speeds` are the declared
-    quasi-velocities among what is held or guessed: name, formula, unit.
+    sweepable name or parameter → first, last and how many values. Names may be those of declared
+    quasi-velocities.
     """
 
     name: str
@@ -312,7 +321,6 @@ class SteadyMotion:
     guesses: tuple[tuple[str, Expression], ...] = ()
     cyclic: tuple[str, ...] | None = None
     ranges: tuple[tuple[str, float, float, int], ...] = ()
-    speeds: tuple[tuple[str, Expression, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -392,6 +400,7 @@ class Model:
     notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
     tables: tuple[Table, ...] = ()
     states: tuple[FirstOrderState, ...] = ()  # in the order of z
+    speeds: tuple[Speed, ...] = ()  # declared quasi-velocities by the names that stand for one
     sources: tuple[tuple[str, str], ...] = ()  # name and text of the files it refers to
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[

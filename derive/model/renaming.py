@@ -17,6 +17,7 @@ from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression, quantity
 from derive.joints import JOINTS
 from derive.model.composition import SubmodelEntry
+from derive.model.delays import late
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source
 from derive.model.records import GROUND
 from derive.model.repetition import WORDS, with_called
@@ -51,6 +52,9 @@ def own_names(node: Entries) -> Iterator[str]:
     """Every name that the entries of a model introduce."""
     for section in SECTIONS:
         yield from (str(key) for key in _entries(node, section))
+    for key, entry in _entries(node, "inputs").items():
+        if isinstance(entry, Entries) and "delay" in entry:
+            yield late(str(key))
     for key, joint in _entries(node, "joints").items():
         yield from (f"{key}_{suffix}" for suffix in _SUFFIXES)
         if isinstance(joint, Entries):
@@ -107,6 +111,7 @@ def as_part(node: Entries, key: Key, entry: SubmodelEntry, source: Source) -> En
                 f"'{section}' in a submodel",
                 "bodies, joints and loads; energies by formula go into the model itself",
             )
+    _check_start(node, source)
     formulas = {k: v for k, v in entry.parameters.items() if not _is_number(v.text)}
     names = {name: f"{key}_{name}" for name in own_names(node)}
     names |= {str(name): f"{key}_{name}" for name in formulas}
@@ -122,6 +127,23 @@ def as_part(node: Entries, key: Key, entry: SubmodelEntry, source: Source) -> En
     where: dict[Key, Node] = {**{own.key(name): value for name, value in own.items()}, **defined}
     part = Entries({**part, **_section("where", where, part)}, part.span)
     return part if not _mounted(entry) else merged(part, _mount(key, entry), source)
+
+
+def _check_start(node: Entries, source: Source) -> None:
+    """Refuse initial values of quasi-velocities, which the part leaves behind."""
+    choices = _entries(node, "quasi_velocities")
+    rows = {key: given for key, given in choices.items() if isinstance(given, Entries)}
+    named = {str(row) for given in rows.values() for row in given}
+    named |= {f"{key}.{row}" for key, given in rows.items() for row in given}
+    start = _entries(node, "initial")
+    for part in (start, _entries(start, "guess")):
+        for name in map(str, part):
+            if name in named:
+                source.refuse(
+                    part.key(name).span,
+                    f"the initial value of the quasi-velocity '{name}' in a submodel",
+                    "velocities or der(q) in its place: a part brings no choices along",
+                )
 
 
 def _is_name(text: str) -> bool:

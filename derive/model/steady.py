@@ -2,49 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
-from derive.expressions.dimensions import UNKNOWN, infer
+from derive.expressions.dimensions import UNKNOWN
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.tree import Expression
-from derive.expressions.units import pretty
 from derive.model.document import Items, Key, Scalar
-from derive.model.motions import state_name
 from derive.model.names import objection
 from derive.model.reader import Reader
-from derive.model.records import Choice, SteadyMotion
+from derive.model.records import SteadyMotion
 from derive.model.scope import INPUT, PARAMETER, Symbol
+from derive.model.speeds import Speeds, moving_name, unit
 
 RESERVED = ("guess", "sweep", "cyclic")  # keys of a steady motion that name no state
 COUNT = 101  # values in a range that does not say how many
-
-
-@dataclass(frozen=True)
-class Speeds:
-    """The quasi-velocities that a file declares with names, alone and as CHOICE.NAME. Where two
-    choices give one name to different formulas the name alone is `ambiguous`."""
-
-    formulas: Mapping[str, Expression]
-    ambiguous: Mapping[str, tuple[str, ...]]
-
-
-def speeds(choices: Sequence[Choice]) -> Speeds:
-    """The named rows of all choices."""
-    formulas: dict[str, Expression] = {}
-    owners: dict[str, list[str]] = {}
-    ambiguous: set[str] = set()
-    for choice in choices:
-        for name, formula in choice.rows:
-            formulas[f"{choice.name}.{name}"] = formula
-            owners.setdefault(name, []).append(f"{choice.name}.{name}")
-            if formulas.setdefault(name, formula) != formula:
-                ambiguous.add(name)
-    return Speeds(formulas, {name: tuple(owners[name]) for name in ambiguous})
 
 
 def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any], known: Speeds) -> SteadyMotion:
@@ -58,7 +32,7 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any], known: Speeds
     for state, scalar in entry.items():
         if str(state) in RESERVED:
             continue
-        name = _name(reader, state, known)
+        name = moving_name(reader, state, known, inputs=True)
         if name is None:
             continue
         if not isinstance(scalar, Scalar):
@@ -74,7 +48,7 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any], known: Speeds
             _check_input(reader, state, name, scalar)
         else:
             sweepable |= dict.fromkeys(_free_names(reader, scalar))
-            values[name] = _with_free_names(reader, scalar, sweepable, _unit(reader, name, known))
+            values[name] = _with_free_names(reader, scalar, sweepable, unit(reader, name, known))
     rest = {str(k): (k, value) for k, value in entry.items() if str(k) in RESERVED}
     return SteadyMotion(
         name=str(key),
@@ -85,23 +59,7 @@ def steady_motion(reader: Reader, key: Key, entry: dict[Key, Any], known: Speeds
         guesses=_guesses(reader, rest.get("guess"), values, tuple(sweepable), known),
         cyclic=_cyclic(reader, rest.get("cyclic")),
         ranges=_ranges(reader, rest.get("sweep"), tuple(sweepable)),
-        speeds=tuple(
-            (name, formula, _unit(reader, name, known) or "")
-            for name, formula in known.formulas.items()
-        ),
     )
-
-
-def _name(reader: Reader, key: Key, known: Speeds) -> str | None:
-    """The canonical spelling of what a key names; None after reporting that it is nothing."""
-    name = str(key)
-    if name in known.ambiguous:
-        wanted = listed(known.ambiguous[name])
-        reader.report(key.span, f"'{name}' is a quasi-velocity of several choices", wanted)
-        return None
-    if name in known.formulas:
-        return name
-    return state_name(reader, key, inputs=True, more=known.formulas)
 
 
 def _check_input(reader: Reader, state: Key, name: str, scalar: Scalar) -> None:
@@ -142,7 +100,7 @@ def _guesses(
             where = f"a range under sweep, or a value: hamel linearize --set {state}=…"
             reader.report(state.span, f"'{state}' is free to choose and is not searched for", where)
             continue
-        name = _name(reader, state, known)
+        name = moving_name(reader, state, known, inputs=True)
         if name is None:
             continue
         if name in held or name in guesses:
@@ -152,7 +110,7 @@ def _guesses(
             reader.report(state.span, f"a list for the guess of '{state}'", "a number")
         else:
             guesses[name] = reader.of_parameters(
-                scalar, f"the guess of {state}", unit=_unit(reader, name, known)
+                scalar, f"the guess of {state}", unit=unit(reader, name, known)
             )
     return tuple(guesses.items())
 
@@ -194,8 +152,11 @@ def _ranges(
 
 
 def _range(reader: Reader, name: str, items: Items) -> list[tuple[str, float, float, int]]:
-    unit = _unit(reader, name) if name in reader.scope.symbols else None
-    ends = [reader.value(reader.formula(x, f"a range of {name}", unit=unit), x) for x in items[:2]]
+    of = reader.scope.symbols
+    measured = unit(reader, name, Speeds({}, {})) if name in of else None
+    ends = [
+        reader.value(reader.formula(x, f"a range of {name}", unit=measured), x) for x in items[:2]
+    ]
     count = (
         reader.value(reader.formula(items[2], "a count", unit=""), items[2])
         if len(items) == 3
@@ -212,17 +173,6 @@ def _range(reader: Reader, name: str, items: Items) -> list[tuple[str, float, fl
         )
         return []
     return [(name, first, last, int(count))]
-
-
-def _unit(reader: Reader, name: str, known: Speeds = Speeds({}, {})) -> str | None:
-    """What a held value is measured in; None where the name says nothing of it."""
-    if name in known.formulas:
-        dimension = infer(known.formulas[name], reader.scope.dimensions, "")
-        return pretty(dimension) if isinstance(dimension, tuple) else None
-    symbol = reader.scope.symbols[name]
-    if symbol.unit:
-        return symbol.unit
-    return pretty(symbol.dimension) if isinstance(symbol.dimension, tuple) else None
 
 
 def _free_names(reader: Reader, scalar: Scalar) -> list[str]:

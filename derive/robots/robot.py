@@ -110,6 +110,7 @@ class Robot:
     constraints: list[Entry] = field(default_factory=list[Entry])
     loads: list[Entry] = field(default_factory=list[Entry])
     inputs: list[Entry] = field(default_factory=list[Entry])
+    states: list[Entry] = field(default_factory=list[Entry])
     initial: list[Entry] = field(default_factory=list[Entry])
     frames: list[Entry] = field(default_factory=list[Entry])
     parameters: list[Entry] = field(default_factory=list[Entry])

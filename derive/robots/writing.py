@@ -74,6 +74,7 @@ def _sections(robot: Robot) -> list[Line]:
     lines += (
         _entries("loads", robot.loads)
         + _entries("inputs", robot.inputs)
+        + _entries("states", robot.states)
         + _entries("initial", robot.initial)
     )
     return lines

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +18,7 @@ from derive.numerics import refuses_numerically
 from derive.states.closing import Kinematics, closed, nominal, normalised
 from derive.states.limits import AGREES, REPEATS
 from derive.states.scales import scaled, scales
+from derive.states.speeds import rows_in_own_units
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,13 @@ def initial_state(
     values, held = _start_values(system, changes or {}, parameters, t)
     own = own_units(system, t)
     given = {name: x / own.one_of(name) for name, x in values.items()}
-    q, v, rates = _consistent(system, own, given, held, parameters, t)
+    q, v, rates, speeds = _consistent(system, own, given, held, parameters, t)
     coordinates, velocities = (
         [x.name for x in items] for items in (system.model.coordinates, system.model.velocities)
     )
     used = dict(zip(coordinates, q)) | dict(zip(velocities, v))
     used |= {f"der({name})": rate for name, rate in zip(coordinates, rates)}
+    used |= speeds
     moved = [
         n for n in given if n in held and abs(used[n] - given[n]) > AGREES * (1 + abs(given[n]))
     ]
@@ -82,12 +85,13 @@ def _with_states(system: System, changes: Mapping[str, float], p: np.ndarray | N
 @dataclass(frozen=True)
 class Own:
     """The system in the model's own units, in which it is closed, and one of each coordinate,
-    velocity and rate in SI by name."""
+    velocity, rate and declared quasi-velocity in SI by name; `speeds` are the rows of these."""
 
     system: System
     units: dict[str, float]
     parameters: np.ndarray  # one of each of p
     t: float  # of the state
+    speeds: ca.Function | None  # (t, q, p) → rows, in the model's own units
 
     def one_of(self, name: str) -> float:
         """One of the model's own units of that quantity, in SI; 1 where the name is not known."""
@@ -97,28 +101,42 @@ class Own:
 def own_units(system: System, t: float) -> Own:
     """The model's own units at time t (s), and the system in them."""
     own, model = scales(system.model), system.model
-    units = {x.name: own.of(x.unit) for x in (*model.coordinates, *model.velocities)}
+    moving = (*model.coordinates, *model.velocities, *model.speeds)
+    units = {x.name: own.of(x.unit) for x in moving}
     units |= {f"der({c.name})": own.of(c.unit) / own.time for c in model.coordinates}
     parameters = own.all_of(x.unit for x in system.given)
     whole = system if own.plain else scaled(system, own)
-    return Own(whole, units, parameters, t / own.time)
+    return Own(whole, units, parameters, t / own.time, rows_in_own_units(system, own))
 
 
 def _consistent(
     system: System, own: Own, given: dict[str, float], held: set[str], p: np.ndarray, t: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """q, v and q̇ in the model's own units."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float]]:
+    """q, v, q̇ and the declared quasi-velocities in the model's own units."""
     solver, here = Kinematics(own.system), p / own.parameters
     # positions before velocities: A and N of A v = c depend on q
     q = _closed(own, solver, _start(own.system, given), held, here)
     if q is None:
         values = {name: x * own.one_of(name) for name, x in given.items()}
         raise _off(system, p, _start(system, values), t)
-    if _is_free(own.system, solver):
+    rows = _speeds(own, given, q, here)
+    if _is_free(own.system, solver) and not rows:
         v = np.array([given.get(x.name, 0.0) for x in system.model.velocities])
-        return q, v, v
-    v = _velocities(own, solver, given, held, q, here)
-    return q, v, solver.velocities(own.t, q, here)[2] @ v
+        return q, v, v, {}
+    v = _velocities(own, solver, given, held, q, here, rows)
+    speeds = {name: float(row @ v) for name, row in rows.items()}
+    return q, v, solver.velocities(own.t, q, here)[2] @ v, speeds
+
+
+def _speeds(
+    own: Own, given: dict[str, float], q: np.ndarray, p: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The rows of declared quasi-velocities, where one is given."""
+    names = [x.name for x in own.system.model.speeds]
+    if own.speeds is None or not {*names} & {*given}:
+        return {}
+    rows = own.speeds(own.t, q, p[: own.system.own_p.numel()]).full()
+    return dict(zip(names, rows))
 
 
 def _is_free(system: System, solver: Kinematics) -> bool:
@@ -178,9 +196,10 @@ def _velocities(
     held: set[str],
     q: np.ndarray,
     p: np.ndarray,
+    speeds: dict[str, np.ndarray],
 ) -> np.ndarray:
     """v nearest the guesses with A v = c and the held rates; where they contradict each other A v =
-    c wins."""
+    c wins. Guessed rates that are no generalized velocities say what v is guessed."""
     system = own.system
     A, c, N = solver.velocities(own.t, q, p)
     for what, values in (
@@ -189,8 +208,12 @@ def _velocities(
     ):
         if not all(np.isfinite(value).all() for value in values):
             raise _problem(system, f"{what} are not finite at the initial position")
-    rows, values = _held_rows(system, given, held, N)
+    known = _rows(system, N) | speeds
+    names = [name for name in given if name in known]
+    rows, values = _chosen(known, given, [name for name in names if name in held])
     guess = np.array([given.get(x.name, 0.0) for x in system.model.velocities])
+    guessed = _chosen(known, given, [name for name in names if name not in held])
+    guess = guess + _least(guessed[0], guessed[1] - guessed[0] @ guess)
     wanted = guess + _least(
         np.vstack([A, rows]), np.concatenate([c, values]) - np.vstack([A, rows]) @ guess
     )
@@ -211,15 +234,19 @@ def _least(A: NDArray[np.float64], b: NDArray[np.float64]) -> np.ndarray:
     return np.linalg.lstsq(A, b, rcond=REPEATS)[0]
 
 
-def _held_rows(
-    system: System, given: dict[str, float], held: set[str], N: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows that give the held rates: N's for der(q), unit rows for generalized velocities."""
-    rows = {f"der({c.name})": N[i] for i, c in enumerate(system.model.coordinates)}
+def _rows(system: System, N: np.ndarray) -> dict[str, np.ndarray]:
+    """What velocities are called: N's rows for der(q), unit rows for generalized velocities."""
     unit = np.eye(len(system.model.velocities))
-    rows |= {x.name: unit[j] for j, x in enumerate(system.model.velocities)}
-    names = [name for name in given if name in held and name in rows]
-    matrix = np.array([rows[name] for name in names]).reshape(len(names), N.shape[1])
+    rows = {f"der({c.name})": N[i] for i, c in enumerate(system.model.coordinates)}
+    return rows | {x.name: unit[j] for j, x in enumerate(system.model.velocities)}
+
+
+def _chosen(
+    rows: Mapping[str, np.ndarray], given: Mapping[str, float], names: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The rows of some names, and what they are to give."""
+    width = next(iter(rows.values())).size if rows else 0
+    matrix = np.array([rows[name] for name in names]).reshape(len(names), width)
     return matrix, np.array([given[name] for name in names])
 
 

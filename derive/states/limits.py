@@ -36,6 +36,7 @@ GAP = 1e-12  # eigenvalues of A Aᵀ below this part of the largest belong to ro
 # a smallest singular value below this part of its usual size is near a singular position
 NEAR = 0.1
 PROBES = 6  # configurations looked at to learn the rank
+TRIALS = 6  # ranks that are tried from the least one to that of all rows, where there are many
 STARTS = 40  # random starts where the nominal one cannot be closed
 CONTRADICTION = 1e-6  # what A v = c may be off by, in rows of length one, relative to 1 + |v|
 LOCKED = 1e6  # entries of N from which q̇ = N v runs away; away from gimbal lock they are about one

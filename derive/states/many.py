@@ -3,11 +3,15 @@
 The same problem as in initial.py, and the same answers to rounding: positions by Gauss–Newton on
 φ = 0 with held coordinates kept where they can be, then the velocities on A v = c nearest to the
 guesses and held rates.
+
+Motions are along the last axis of all arrays but those of Starter's face: thousands of small
+matrices are worked on entry by entry, each for all motions, in a fifth of the time that LAPACK
+takes for one after the other; and what comes out for a motion does not depend on its neighbours.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -15,6 +19,7 @@ import numpy as np
 
 from derive.diagnostics import ModelError
 from derive.expressions import tree
+from derive.expressions.columns import columns_of
 from derive.expressions.evaluate import casadi_functions, value
 from derive.mechanics.records import System
 from derive.numerics import NONZERO
@@ -24,7 +29,7 @@ from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS
 
 EXACT = 1e-14  # |A v − c| against 1 + |v| that needs no correction
 ROUGHLY = 1e-6  # the same, of a step that another one follows
-BLOCK = 64  # states that CasADi is given at a time
+LEAST = 1e-10  # pivots of rows of length one: with smaller ones squares have lost too many digits
 SOLVED = 1e-13  # relative residual up to which the normal equations have solved A x = b
 
 
@@ -62,6 +67,8 @@ class Starter:
     positions: ca.Function | None  # (t, q, p) → φ, ∂φ/∂q; None where there is no φ
     rows: ca.Function  # (t, q, p) → A, c
     rates: ca.Function | None  # (t, q, p) → N; None where it is one
+    speeds: tuple[str, ...] = ()  # declared quasi-velocities, and (t, q, p) → their rows
+    speed_rows: ca.Function | None = None
     states: tuple[str, ...] = ()
     charges: ca.Function | None = None  # p → initial values of the states, in SI
 
@@ -74,13 +81,14 @@ class Starter:
             for n, each in values.items()
             if n not in self.states
         }
-        here, t = p / self.parameters, np.full(k, self.own_t)
+        here, t = (p / self.parameters).T, np.full((1, k), self.own_t)
         q, closed = self._positions(t, given, here)
-        v, agrees = self._velocities(t, given, q, here)
-        moved = self._moved(given, q, v, self._rates(t, q, v, here))
+        rows = self._rows(t, q, here, given)
+        v, agrees = self._velocities(t, given, q, here, rows)
+        moved = self._moved(given, q, v, rows)
         sizes = np.array([self.one_of(name) for name in self.coordinates])
         speeds = np.array([self.one_of(name) for name in self.velocities])
-        return Starts(q * sizes, v * speeds, self._charged(values, p), closed & agrees, moved)
+        return Starts(q.T * sizes, v.T * speeds, self._charged(values, p), closed & agrees, moved)
 
     def one_of(self, name: str) -> float:
         """One of the model's own units of that quantity, in SI; 1 where the name is not known."""
@@ -110,20 +118,21 @@ class Starter:
         p: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Guesses move; where that does not do, everything may."""
-        names = self.coordinates
-        zero = np.zeros(len(p))
-        start = np.stack([np.broadcast_to(given.get(name, zero), len(p)) for name in names], axis=1)
-        start = normalised(self, start)
+        names, zero = self.coordinates, np.zeros(p.shape[1])
+        start = self._normalised(np.stack([zero + given.get(name, 0.0) for name in names]))
         free = np.array([name not in self.held for name in names], dtype=float)
         if self.positions is None:
-            return start, np.isfinite(start.sum(axis=1))
+            return start, _finite(start)
         q, done = closed_many(self.positions, t, start, p, free)
         if not done.all():
             rest = ~done
-            q[rest], done[rest] = closed_many(
-                self.positions, t[rest], start[rest], p[rest], np.ones(len(names))
+            q[:, rest], done[rest] = closed_many(
+                self.positions, t[:, rest], start[:, rest], p[:, rest], np.ones(len(names))
             )
-        return normalised(self, q), done
+        return self._normalised(q), done
+
+    def _normalised(self, q: np.ndarray) -> np.ndarray:
+        return normalised(self, q.T).T if self.quaternions else q
 
     def _velocities(
         self,
@@ -131,65 +140,67 @@ class Starter:
         given: Mapping[str, np.ndarray],
         q: np.ndarray,
         p: np.ndarray,
+        known: Mapping[str, np.ndarray],
     ) -> tuple[np.ndarray, np.ndarray]:
         """v nearest the guesses with A v = c and the held rates; where they contradict each other
-        A v = c wins."""
-        zero, k = np.zeros(len(p)), len(p)
-        guesses = [np.broadcast_to(given.get(name, zero), k) for name in self.velocities]
-        guess = np.stack(guesses, axis=1)
-        A, c = Matrices(self.rows)(t, q, p)
-        c = c[:, :, 0]
-        rows, values = self._held_rows(t, given, q, p)
-        both = np.concatenate([A, rows], axis=1)
-        wanted = np.concatenate([c, values], axis=1)
+        A v = c wins. Guessed rates that are no generalized velocities say what v is guessed."""
+        k = p.shape[1]
+        guess = np.stack([np.zeros(k) + given.get(name, 0.0) for name in self.velocities])
+        A, c = columns_of(self.rows)(t, q, p)
+        c = c[:, 0]
+        names = [name for name in given if name in known]
+        rows, values = self._chosen(known, given, [n for n in names if n in self.held], k)
+        guessed = self._chosen(known, given, [n for n in names if n not in self.held], k)
+        guess = guess + least_many(guessed[0], guessed[1] - _applied(guessed[0], guess))
+        both, wanted = np.concatenate([A, rows]), np.concatenate([c, values])
         v = guess + least_many(both, wanted - _applied(both, guess))
         left = c - _applied(A, v)
-        size = EXACT * (1.0 + np.max(np.abs(v), axis=1, initial=0.0))
-        again = ~(np.max(np.abs(left), axis=1, initial=0.0) <= size)
+        again = ~(_largest(left) <= EXACT * (1.0 + _largest(v)))
         if again.any():
-            v[again] += least_many(A[again], left[again])
-        off = np.max(np.abs(_applied(A, v) - c), axis=1, initial=0.0)
-        size = 1.0 + np.max(np.abs(v), axis=1, initial=0.0)
-        return v, np.isfinite(v).all(axis=1) & (off <= AGREES * size)
+            v[:, again] += least_many(A[..., again], left[:, again])
+        off = _largest(_applied(A, v) - c)
+        return v, _finite(v) & (off <= AGREES * (1.0 + _largest(v)))
 
-    def _held_rows(
-        self,
-        t: np.ndarray,
-        given: Mapping[str, np.ndarray],
-        q: np.ndarray,
-        p: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Rows that give the held rates: N's for der(q), unit rows for generalized velocities."""
-        velocities = self.velocities
+    def _rows(
+        self, t: np.ndarray, q: np.ndarray, p: np.ndarray, given: Mapping[str, np.ndarray]
+    ) -> dict[str, np.ndarray]:
+        """The rows (nv, k) of what is given of velocities: N's for der(q), unit rows for
+        generalized velocities, those of declared quasi-velocities."""
+        nv, k = len(self.velocities), p.shape[1]
+        unit = np.broadcast_to(np.eye(nv)[:, :, None], (nv, nv, k))
         rates = [f"der({name})" for name in self.coordinates]
-        k, nv = len(p), len(velocities)
-        names = [name for name in given if name in self.held and name in {*rates, *velocities}]
-        by_rates = np.broadcast_to(np.eye(nv), (k, nv, nv))
-        if self.rates is not None and any(name in rates for name in names):
-            by_rates = Matrices(self.rates)(t, q, p)[0]
-        rows = np.zeros((k, len(names), nv))
-        for i, name in enumerate(names):
-            if name in rates:
-                rows[:, i] = by_rates[:, rates.index(name)]
-            else:
-                rows[:, i, velocities.index(name)] = 1.0
-        values = [np.broadcast_to(given[name], k) for name in names]
-        return rows, np.stack(values, axis=1) if names else np.zeros((k, 0))
+        by_rates, speeds = unit, np.zeros((len(self.speeds), nv, k))
+        if self.rates is not None and not given.keys().isdisjoint(rates):
+            by_rates = columns_of(self.rates)(t, q, p)[0]
+        if self.speed_rows is not None and not given.keys().isdisjoint(self.speeds):
+            speeds = columns_of(self.speed_rows)(t, q, p)[0]
+        tables = ((rates, by_rates), (self.velocities, unit), (self.speeds, speeds))
+        known = {n: row for names, table in tables for n, row in zip(names, table)}
+        return {name: row for name, row in known.items() if name in given}
 
-    def _rates(self, t: np.ndarray, q: np.ndarray, v: np.ndarray, p: np.ndarray) -> np.ndarray:
-        return v if self.rates is None else _applied(Matrices(self.rates)(t, q, p)[0], v)
+    def _chosen(
+        self,
+        rows: Mapping[str, np.ndarray],
+        given: Mapping[str, np.ndarray],
+        names: list[str],
+        k: int,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The rows of some names, and what they are to give, of k motions."""
+        if not names:
+            return np.zeros((0, len(self.velocities), k)), np.zeros((0, k))
+        values = [np.broadcast_to(given[name], k) for name in names]
+        return np.stack([rows[name] for name in names]), np.stack(values)
 
     def _moved(
         self,
         given: Mapping[str, np.ndarray],
         q: np.ndarray,
         v: np.ndarray,
-        rates: np.ndarray,
+        rows: Mapping[str, np.ndarray],
     ) -> np.ndarray:
-        used = {name: q[:, i] for i, name in enumerate(self.coordinates)}
-        used |= {name: v[:, i] for i, name in enumerate(self.velocities)}
-        used |= {f"der({name})": rates[:, i] for i, name in enumerate(self.coordinates)}
-        changed = np.zeros(len(q), dtype=bool)
+        used = dict(zip(self.coordinates, q))
+        used |= {name: _sum(row * v, v.shape[1:]) for name, row in rows.items()}
+        changed = np.zeros(q.shape[1], dtype=bool)
         for name, result in given.items():
             if name in self.held:
                 changed |= ~(np.abs(used[name] - result) <= AGREES * (1 + np.abs(result)))
@@ -227,6 +238,8 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
         else None,
         rows=ca.Function("rows", place, [ca.densify(s.A), ca.densify(s.c)]),
         rates=None if unmoved else ca.Function("rates", place, [ca.densify(s.N)]),
+        speeds=tuple(x.name for x in model.speeds),
+        speed_rows=own.speeds,
         states=states,
         charges=_charges(system) if states else None,
     )
@@ -247,111 +260,124 @@ def _formulas(system: System) -> ca.Function:
     return ca.Function("initial", [system.t, system.own_p], [ca.densify(column)])
 
 
-class Matrices:
-    """A function of (t, q, p) with dense results, at many states.
-
-    BLOCK states at a time and without CasADi's matrices in between, whose making takes longer than
-    the numbers: a column of theirs is a row of ours in memory.
-    """
-
-    def __init__(self, function: ca.Function) -> None:
-        self.buffer, self.evaluate = function.map(BLOCK).buffer()
-        places = range(function.n_out())
-        self.shapes = [(function.size2_out(i), function.size1_out(i)) for i in places]
-
-    def __call__(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
-        """The results at k states, k × rows × columns each."""
-        given = [_whole_blocks(x) for x in (t.reshape(len(t), 1), q, p)]
-        results = [np.zeros((len(given[0]), *shape)) for shape in self.shapes]
-        for first in range(0, len(given[0]), BLOCK):
-            block = slice(first, first + BLOCK)
-            for i, x in enumerate(given):
-                self.buffer.set_arg(i, x[block].data)
-            for i, x in enumerate(results):
-                self.buffer.set_res(i, x[block].data)
-            self.evaluate()
-        return [x[: len(t)].transpose(0, 2, 1) for x in results]
-
-
-def _whole_blocks(rows: np.ndarray) -> np.ndarray:
-    """The rows, and zeros until BLOCK divides their number."""
-    count = len(rows)
-    whole = np.zeros((count + -count % BLOCK, rows.shape[1]))
-    whole[:count] = rows
-    return whole
-
-
 def closed_many(
     positions: ca.Function, t: np.ndarray, start: np.ndarray, p: np.ndarray, free: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """q (k, nq) moved onto φ = 0 as `closed` does for one, each row judged in its own unit; and
+    """q (nq, k) moved onto φ = 0 as `closed` does for one, each row judged in its own unit; and
     which have come there."""
-    q, done = start.copy(), np.zeros(len(start), dtype=bool)
-    alive = np.arange(len(start))
-    matrices = Matrices(positions)
+    q, done = start.copy(), np.zeros(start.shape[1], dtype=bool)
+    alive = np.flatnonzero(~done)
     for _ in range(NEWTON):
-        phi, J = matrices(t[alive], q[alive], p[alive])
-        phi = phi[:, :, 0]
-        finite = np.isfinite(phi).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
-        scale = 1.0 + np.max(np.abs(q[alive]), axis=1, initial=0.0)
-        near = finite & (np.abs(phi) <= CLOSED * _sizes(J, q[alive])).all(axis=1)
+        phi, slopes = columns_of(positions)(t[:, alive], q[:, alive], p[:, alive])
+        phi = phi[:, 0]
+        finite = _finite(phi) & _finite(slopes)
+        near = finite & (np.abs(phi) <= CLOSED * _sizes(slopes, q[:, alive])).all(axis=0)
         done[alive[near]] = True
         going = finite & ~near
         if not going.any():
             break
-        alive, scale = alive[going], scale[going]
-        step = -free * least_many(J[going] * free, phi[going], ROUGHLY)
-        largest = np.max(np.abs(step), axis=1, initial=0.0)
-        q[alive] += step * np.minimum(1.0, LEAP * scale / (NONZERO + largest))[:, None]
+        if not going.all():
+            alive, phi, slopes = alive[going], phi[:, going], slopes[..., going]
+        scale = 1.0 + _largest(q[:, alive])
+        step = -free[:, None] * least_many(slopes * free[:, None], phi, ROUGHLY)
+        q[:, alive] += step * np.minimum(1.0, LEAP * scale / (NONZERO + _largest(step)))
     return q, done
 
 
 def _sizes(J: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Σ |∂φ/∂q| (1 + |q|) of each row of each motion."""
     sizes = _applied(np.abs(J), 1.0 + np.abs(q))
-    largest = np.max(sizes, axis=1, keepdims=True, initial=0.0)
+    largest = _largest(sizes)
     return np.where(largest > 0.0, np.maximum(sizes, EVEN * largest), 1.0)
 
 
+def _largest(x: np.ndarray) -> np.ndarray:
+    """Magnitude of each motion."""
+    return np.max(np.abs(x), axis=0, initial=0.0)
+
+
+def _finite(x: np.ndarray) -> np.ndarray:
+    """Whether all of a motion is."""
+    return np.all(np.isfinite(x).reshape(-1, x.shape[-1]), axis=0)
+
+
+def _sum(rows: Iterable[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+    """One after the other, so that no motion's bits depend on how many there are."""
+    total = np.zeros(shape)
+    for row in rows:
+        total += row
+    return total
+
+
 def _applied(A: np.ndarray, x: np.ndarray) -> np.ndarray:
-    return np.asarray((A @ x[:, :, None])[:, :, 0])
+    m, n, k = A.shape
+    return _sum((A[:, j] * x[j] for j in range(n)), (m, k))
+
+
+def _applied_transpose(A: np.ndarray, y: np.ndarray) -> np.ndarray:
+    m, n, k = A.shape
+    return _sum((A[i] * y[i] for i in range(m)), (n, k))
 
 
 def least_many(A: np.ndarray, b: np.ndarray, within: float = SOLVED) -> np.ndarray:
-    """The shortest x with A x = b of each motion, or nearest to it where rows repeat others: by the
-    normal equations A Aᵀ y = b, refined where they are not solved `within` that part, and by the
-    singular values where that does not do.
+    """The shortest x (n, k) with A x = b of each motion, A (m, n, k) and b (m, k), or nearest to it
+    where rows repeat others: by the normal equations A Aᵀ y = b, refined where they are not solved
+    `within` that part, and by the singular values where that does not do.
     """
-    k, m, n = A.shape
+    m, n, k = A.shape
     if not m or not k:
-        return np.zeros((k, n))
-    x, solved = _by_squares(A, b, within)
+        return np.zeros((n, k))
+    with np.errstate(all="ignore"):
+        x, solved = _by_squares(A, b, within)
     if not solved.all():
-        rest = ~solved & np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
-        x[~solved] = np.nan
+        rest = ~solved & _finite(A) & _finite(b)
+        x[:, ~solved] = np.nan
         if rest.any():
-            x[rest] = _applied(np.linalg.pinv(A[rest], rcond=REPEATS), b[rest])
+            inverse = np.linalg.pinv(A[..., rest].transpose(2, 0, 1), rcond=REPEATS)
+            x[:, rest] = _applied(inverse.transpose(1, 2, 0), b[:, rest])
     return x
 
 
 def _by_squares(A: np.ndarray, b: np.ndarray, within: float) -> tuple[np.ndarray, np.ndarray]:
-    lengths = np.linalg.norm(A, axis=2, keepdims=True)
-    unit = A / np.where(lengths > 0, lengths, 1.0)
-    side = b / np.where(lengths > 0, lengths, 1.0)[:, :, 0]
-    squares = unit @ unit.transpose(0, 2, 1)
-    try:
-        inverse = np.linalg.inv(squares)
-    except np.linalg.LinAlgError:
-        return np.zeros((len(A), A.shape[2])), np.zeros(len(A), dtype=bool)
-    turned = unit.transpose(0, 2, 1)
-    x = _applied(turned, _applied(inverse, side))
+    """x, and where it can be trusted."""
+    m, n, k = A.shape
+    lengths = np.sqrt(_sum((A[:, j] * A[:, j] for j in range(n)), (m, k)))
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    unit, side = A / lengths[:, None], b / lengths
+    factors = _factors(unit)
+    x = _applied_transpose(unit, _solution(factors, side))
     if within <= SOLVED:
-        x = x + _applied(turned, _applied(inverse, side - _applied(unit, x)))
-    off = np.max(np.abs(side - _applied(unit, x)), axis=1)
-    size = np.max(np.abs(side), axis=1) + np.max(np.abs(x), axis=1)
-    # inverse of squares: the condition is that of A, squared
-    sound = np.max(np.abs(inverse), axis=(1, 2)) < 1e10
-    return x, sound & (off <= within * size)
+        x += _applied_transpose(unit, _solution(factors, side - _applied(unit, x)))
+    off = _largest(side - _applied(unit, x))
+    least = np.min([factors[i, i] for i in range(m)], axis=0)
+    # pivots are those of the squares: the condition is that of A, squared
+    return x, (least > LEAST) & (off <= within * (_largest(side) + _largest(x)))
+
+
+def _factors(A: np.ndarray) -> np.ndarray:
+    """A Aᵀ = L D Lᵀ of each motion: D on the diagonal, L below."""
+    m, n, k = A.shape
+    left = np.zeros((m, m, k))
+    for i in range(m):
+        left[i:, i] = _sum((A[i:, j] * A[i, j] for j in range(n)), (m - i, k))
+    for i in range(m):
+        column = left[i + 1 :, i].copy()
+        left[i + 1 :, i] /= left[i, i]
+        for j in range(i + 1, m):
+            left[j:, j] -= column[j - i - 1 :] * left[j, i]
+    return left
+
+
+def _solution(factors: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """y with L D Lᵀ y = b."""
+    y, m = b.copy(), len(b)
+    for i in range(m):
+        y[i + 1 :] -= factors[i + 1 :, i] * y[i]
+    for i in reversed(range(m)):
+        y[i] = y[i] / factors[i, i] - _sum(
+            (factors[j, i] * y[j] for j in range(i + 1, m)), y[i].shape
+        )
+    return y
 
 
 def least_of_bodies(system: System) -> ca.Function:

@@ -80,6 +80,9 @@ def ideal_reactions(system: System, used: list[int]) -> ca.SX:
     that the constraints allow has no mass."""
     solver = Kinematics(system)
     samples = states(system, SAMPLES, solver=solver)
+    if not len(samples.t):
+        message = "no configuration near the initial values satisfies the constraints"
+        raise AssumptionError(Diagnostic(file=system.model.file, message=message))
     sampled = solver.rows(samples.t, samples.q, samples.p)[0]
     rows = list(independent(sampled / row_lengths(sampled)[:, None], range(len(system.rows))))
     for i in used:

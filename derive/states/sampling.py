@@ -38,6 +38,7 @@ from derive.states.limits import (
     SQUARES,
     STARTS,
     STEPS,
+    TRIALS,
 )
 from derive.states.scales import scaled, scales
 
@@ -333,7 +334,9 @@ def _learnt(solver: Kinematics, rng: np.random.Generator, start: np.ndarray, p: 
     walk = Walk(solver, np.array(width), lengths)
     home = np.tile(start, (PROBES, 1))
     rank = max(1, int(np.max(walk.view(t, home, many).ranks)))
-    for trial in range(rank, min(len(lengths), len(width)) + 1):
+    most = min(len(lengths), len(width))
+    apart = max(1, (most - rank) // TRIALS)  # of many rows not every rank is tried
+    for trial in (*range(rank, most, apart), most):
         walk = Walk(solver, walk.width, walk.lengths, trial)
         wish = 0.1 * walk.tangent(walk.view(t, home, many), rng.normal(size=(PROBES, len(width))))
         q, done = walk.closed(t, walk.moved(t, home, many, wish), many)

@@ -101,7 +101,7 @@ def scaled(system: System, own: Scales) -> System:
     states; forces stay in SI. Rows of A are also divided by their usual size, as the unit of a
     formula cannot always be told."""
     model = system.model
-    units = {x.name: x.unit for x in (*model.coordinates, *model.velocities)}
+    units = {x.name: x.unit for x in (*model.coordinates, *model.velocities, *model.speeds)}
     q, v = (own.all_of(x.unit for x in items) for items in (model.coordinates, model.velocities))
     p = own.all_of(x.unit for x in system.given)
     values = {x.name: x.value for x in model.parameters} | {"t": 0.0}
@@ -186,7 +186,8 @@ def _magnitudes(model: Model) -> Iterator[Magnitude]:
     places += [place for closure in model.closures for place in closure.placements]
     yield from (each for place in places for each in _sized(LENGTH, place.position, values))
     yield from _sized(ACCELERATION, model.gravity or (), values)
-    units = {item.name: item.unit for item in (*model.coordinates, *model.velocities)}
+    moving = (*model.coordinates, *model.velocities, *model.speeds)
+    units = {item.name: item.unit for item in moving}
     for given in model.initial:
         yield from _sized(unit_of(units.get(given.name, "")).dimension, [given.value], values)
     formulas = (model.kinetic, model.potential, model.constraints, model.loads)

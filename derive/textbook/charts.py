@@ -19,9 +19,10 @@ def charts(doc: Manuscript) -> None:
     if not others:
         return
     doc.section("Charts")
+    same = "$!q$, $!v$ and $!z$" if doc.system.model.states else "$!q$ and $!v$"
     doc.say(
         f"Together with the choice above, which is chart 0, the module holds {len(others) + 1} "
-        "choices of quasi-velocities. They are charts of the same motion: $!q$ and $!v$ mean the "
+        f"choices of quasi-velocities. They are charts of the same motion: {same} mean the "
         "same in all of them, and where one comes near a singular position, another takes over. "
         "The formulas on the rest of the page are those of chart 0; in another chart they are "
         "made in the same way with its own rows."
@@ -77,13 +78,14 @@ def _there(doc: Manuscript, chart: Equations) -> ca.SX:
     state = _function(chart, "state")
     assert state.x is not None  # (q, v)
     nq = len(doc.q)
-    value = state.result.value[nq:, 0]
-    return ca.substitute(value, state.x.symbols, ca.vertcat(doc.system.q, doc.terms.named("v")))
+    value = state.result.value[nq : nq + len(chart.w), 0]
+    moving = ca.vertcat(doc.system.q, doc.terms.named("v"), doc.system.z)
+    return ca.substitute(value, state.x.symbols, moving)
 
 
 def _back(doc: Manuscript, chart: Equations, w: ca.SX) -> ca.SX:
     """w of chart 0, from the velocities that the chart's own function gives at its w."""
-    symbols = chart.argument("x").symbols[len(doc.q) :]
+    symbols = chart.argument("x").symbols[chart.speeds]
     v = ca.substitute(_function(chart, "velocity").result.value, symbols, w)
     return ca.mtimes(doc.terms.named("B"), v)
 

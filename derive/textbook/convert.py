@@ -218,7 +218,7 @@ class Reader:
                     if k in names
                     else self._poly(ring, self.graph.nodes[k], values)
                 )
-            polys = [ring.pythagorean(values[k]) for k in roots]
+            polys = [ring.pythagorean(ring.over_roots(values[k])) for k in roots]
         except (TooBig, OverflowError, ValueError, ZeroDivisionError):
             return None
         return _Form(Composer(ring, self.decimal), tuple(polys))

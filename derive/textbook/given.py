@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from fractions import Fraction
 from typing import Any
 
 import casadi as ca
@@ -16,6 +18,8 @@ from derive.textbook.sentences import closure, constraint, driven, kind, load, p
 
 AXIS_OF = {"xy": 2, "xz": 1, "yz": 0}  # plane → the place of its normal
 PRINCIPAL = 3  # moments of inertia that are always shown
+ANGLES = ("", "rad")  # units of numbers that may be shares of π
+FINEST = 24  # the largest denominator of such a share: 7.5 degrees
 MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
@@ -84,10 +88,20 @@ def _parameters(doc: Manuscript) -> None:
 def _parameter(doc: Manuscript, x: Parameter) -> tuple[Runs, ...]:
     return (
         (Math(doc.notation.typeset(x.name)),),
-        (Text(f"{x.value:.15g}".replace("-", "−")),),
+        (_value(x),),
         (Text(names.unit(x.unit)),),
         (Text(x.about),),
     )
+
+
+def _value(x: Parameter) -> Run:
+    """The number; a simple share of π for an angle that is one."""
+    share = Fraction(x.value / math.pi).limit_denominator(FINEST)
+    if x.unit not in ANGLES or not share or float(share) * math.pi != x.value:
+        return Text(f"{x.value:.15g}".replace("-", "−"))
+    times = "" if share.numerator in (1, -1) else f"{abs(share.numerator)}\\,"
+    under = "" if share.denominator == 1 else f"/{share.denominator}"
+    return Math(f"{'-' if share < 0 else ''}{times}\\pi{under}")
 
 
 def _bodies(doc: Manuscript) -> None:

@@ -58,7 +58,7 @@ def _at_reactions(doc: Manuscript, C: ca.SX, lam: ca.SX) -> ca.SX:
     names, rows = doc.system.symbols.names, doc.system.rows
     places = [i for i, row in enumerate(rows) if f"reaction.{row.name}" in names]
     symbols = [ca.SX(names[f"reaction.{rows[i].name}"]) for i in places]
-    return ca.substitute(C, ca.vertcat(*symbols), lam[places])
+    return ca.substitute(C, ca.vertcat(*symbols), lam[places, :])
 
 
 def _solved(M: ca.SX, side: ca.SX) -> ca.SX:

@@ -80,7 +80,7 @@ def _recovered(doc: Manuscript) -> None:
     rows = doc.terms.independent
     symbols = [doc.notation.fresh(f"lam[{i + 1}]", rf"\lambda_{{{i + 1}}}") for i in rows]
     along_rows = [sum_of(column, forces) for column in zip(*doc.entries["R"])]
-    doc.lines("lam", symbols, along_rows, doc.terms.lam[rows])
+    doc.lines("lam", symbols, along_rows, doc.terms.lam[rows, :])
 
 
 def _accelerations(doc: Manuscript) -> list[sympy.Expr]:

@@ -221,6 +221,21 @@ class Ring:
                 )
         return poly
 
+    def over_roots(self, poly: Poly) -> Poly:
+        """b/√b is √b: for terms that together are a multiple of what stands under the root that
+        divides them."""
+        for k in sorted({k for monomial, _ in poly for k, e in monomial if e == -1}):
+            if self.atoms[k].kind != "root":
+                continue
+            divided = {key: x for key, x in poly.items() if dict(key[0]).get(k) == -1}
+            factor, monomial, rest = parted(self.pythagorean(divided))
+            below, inside, same = parted(self.atoms[k].content)
+            if rest == same:
+                beside = _merged(tuple((i, -e) for i, e in inside), ((k, 2),))
+                whole = {(_merged(monomial, beside), ()): over(factor, below)}
+                poly = {key: x for key, x in poly.items() if key not in divided} | whole
+        return poly
+
     def _pairs(self) -> list[tuple[int, int]]:
         """Atoms sin x and cos x of the same x; there are none in Fourier form."""
         cosines = {name[1]: k for name, k in self.index.items() if name[0] == "cos"}

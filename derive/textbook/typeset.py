@@ -16,6 +16,7 @@ from derive.textbook.measure import letters
 LINE = 62  # visible characters in one line of a sum
 PIECE = 20  # of a part that is not broken
 ALONE = 4  # of a factor that no line ends after
+OPENING = r"\Bigl("
 CALLED = {
     "sin": r"\sin",
     "cos": r"\cos",
@@ -38,8 +39,9 @@ _BEGINS = re.compile(r"(\\d?dot\{)?\\mathrm\{[^{}]{2,}\}")  # a name that is a w
 _ENDS = re.compile(r"\\mathrm\{[^{}]{2,}\}\}?$")
 _ENTRY = re.compile(r"[A-Z]\w*\[\d+,\d+\]")  # of a matrix
 _COMMAND = re.compile(
-    r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}|dot|ddot|bar|Bigl|Bigr)(?![A-Za-z])|[{}^_\s]|\\,"
+    r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}|dot|ddot|bar|Bigl|Bigr)(?![A-Za-z])|\\,"
 )
+_MARKS = re.compile(r"[{}^_\s]")  # after commands: they end names
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,7 @@ class Typesetter:
             return [whole]
         if inside is None:
             return self._factors(x, whole)
-        terms = self._breakable(inside, line)
-        terms[0] = f"{self._before(factor)} \\Bigl({terms[0]}"
-        terms[-1] += r"\Bigr)"
-        return terms
+        return _opened(f"{self._before(factor)} {OPENING}", self._breakable(inside, line), line)
 
     def _factors(self, x: Expr, whole: str) -> list[str]:
         """A product factor by factor; over a divisor stand numbers and symbols alone,
@@ -115,10 +114,7 @@ class Typesetter:
         whole = self._factor(f)
         if not f.is_Add or width(whole) <= PIECE:
             return [whole]
-        terms = self._breakable(f, PIECE)
-        terms[0] = rf"\Bigl({terms[0]}"
-        terms[-1] += r"\Bigr)"
-        return terms
+        return _opened(OPENING, self._breakable(f, PIECE), PIECE)
 
     def matrix(self, rows: Sequence[Sequence[Expr]]) -> str:
         """Rows of expressions as a bracketed matrix."""
@@ -251,6 +247,14 @@ def _signed(term: str) -> str:
     return f" - {term[1:].lstrip()}" if term.startswith("-") else f" + {term}"
 
 
+def _opened(before: str, terms: list[str], line: int) -> list[str]:
+    """Terms between brackets; where the first is long, a line may end after the opening one."""
+    closed = [*terms[:-1], terms[-1] + r"\Bigr)"]
+    if width(before) + width(closed[0]) > line:
+        return [before, *closed]
+    return [before + closed[0], *closed[1:]]
+
+
 def _bracket(x: Expr) -> tuple[Expr, Expr | None]:
     """factor, sum of factor · sum, where the sum can stand last: no function before it would seem
     to take it in."""
@@ -296,4 +300,5 @@ def _number(x: Expr) -> str:
 def width(latex: str) -> int:
     """About how many characters wide the formula is; four thin spaces count as one."""
     spaces = latex.count(r"\,") // 4
-    return spaces + len(re.sub(r"\\[A-Za-z]+", "x", _COMMAND.sub("", _WORD.sub(r"\1", latex))))
+    commands = _COMMAND.sub("", _WORD.sub(r"\1", latex))
+    return spaces + len(_MARKS.sub("", re.sub(r"\\[A-Za-z]+", "x", commands)))

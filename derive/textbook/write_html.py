@@ -27,6 +27,7 @@ from derive.textbook.records import (
     Table,
     Text,
 )
+from derive.textbook.typeset import OPENING
 
 MARGIN = 3.0  # letters between left and right side
 LONG_LEFT = 12.0  # letters of a left side that does not get a column of its own
@@ -170,7 +171,9 @@ def _right(line: Line) -> str:
     first, *rest = line.right
     # between factors stands the space at which the line may end
     pieces = [f"{line.relation} {first}", *(x.strip().removeprefix(THIN) for x in rest)]
-    return " ".join(_fitted(piece, room) for piece in pieces)
+    # a line may end after an opening bracket too, but no space stands there
+    breaks = ["<wbr>" if piece.endswith(OPENING) else " " for piece in pieces]
+    return "".join(_fitted(piece, room) + end for piece, end in zip(pieces, breaks)).rstrip()
 
 
 def _fitted(latex: str, room: float = 0.0) -> str:

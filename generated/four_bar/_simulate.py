@@ -63,6 +63,7 @@ FACTS = Facts(
     real=float,
     nx=4,
     nq=3,
+    nz=0,
     inputs=("tau", ),
     methods=METHODS,
     enforcements=("projection", "none", ),

@@ -106,13 +106,15 @@ static int passed(Run *r, const Method *method, double t, double h, double end, 
 #endif
 
 #if FRAME
-/* v at y in `moving`, which begins with q, is the same along the frame in `fresh`: w' = N'^T v. */
+/* v at y in `moving`, between q and z, is the same along the frame in `fresh`: w' = N'^T v. */
 static int carried(const Run *r, const double *before, const double *fresh, double *y)
 {
-    double moving[NQ + VELOCITY_ROWS];
+    double moving[NQ + VELOCITY_ROWS + NZ];
     int i, status;
     for (i = 0; i < NQ; i++)
         moving[i] = y[i];
+    for (i = 0; i < NZ; i++)
+        moving[NQ + VELOCITY_ROWS + i] = y[NX - NZ + i];
     status = MODEL_velocity_framed(r->s->t, y, r->u, before, moving + NQ);
     return status == OK ? MODEL_state_framed(r->s->t, moving, r->u, fresh, y) : status;
 }

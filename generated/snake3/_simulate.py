@@ -63,6 +63,7 @@ FACTS = Facts(
     real=float,
     nx=7,
     nq=5,
+    nz=0,
     inputs=("tau1", "tau2", ),
     methods=METHODS,
     enforcements=("none", ),

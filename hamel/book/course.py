@@ -114,7 +114,7 @@ def _first(problem: Problem, by: Equations, module: ModuleType) -> Course:
     """The longest motion that does not take too long."""
     u, p, initial = problem.u, problem.p, problem.initial
     if by.charts or by.frame:
-        x, chart_, p = charts.start(module, initial.q, initial.v, u, p, problem.t)
+        x, chart_, p = charts.start(module, initial, u, p, problem.t)
     else:
         x, chart_ = state_of(problem.plain, initial, p, problem.t), 0
     for span in SPANS:

@@ -14,7 +14,7 @@ file's are taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,11 +33,13 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Rows:
-    """A b = y, states × nw equations: `A` states × nw × nb, `y` states × nw."""
+    """A b = y, states × nw equations: `A` states × nw × nb, `y` states × nw. `correlation` of the
+    noise of an equation between rows that are 0, 1, 2 … apart."""
 
     t: Array
     A: Array
     y: Array
+    correlation: Array = field(default_factory=lambda: np.ones(1))
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def rows_of(equations: Equations, base: Base, motion: Measured) -> Rows:
     if low is None:
         return Rows(motion.t, A, y)
     inside = slice(low.ends, len(y) - low.ends, low.every)
-    return Rows(motion.t[inside], low(A)[inside], low(y)[inside])
+    return Rows(motion.t[inside], low(A)[inside], low(y)[inside], low.correlation)
 
 
 def ordinary(rows: Rows) -> Estimate:
@@ -105,13 +107,22 @@ def _solved(rows: Rows, weights: Array) -> Estimate:
         )
     b = (Vt.T @ ((U.T @ y) / s)) / size
     left = rows.y - rows.A @ b
-    # what each equation leaves, with as many freedoms taken off as are its share of the fit
-    share = 1.0 - nb / (count * nw)
+    # what each equation leaves, with its share of the noise that the fit takes taken off
+    share = 1.0 - float(_variance(U.T.reshape(nb, count, nw), rows).sum()) / (count * nw)
     spread = np.sqrt(np.mean(left**2, axis=0) / share)
-    # of each equation's own noise, whatever the weights: b = H y has the variance H² · spread²
-    H = (Vt.T / s) @ U.T / size[:, None]
-    deviations = np.sqrt(H**2 @ np.tile((spread * weights) ** 2, count))
-    return Estimate(b, deviations, spread, float(s[0] / s[-1]))
+    # of each equation's own noise, whatever the weights: b = H y has the variance H C Hᵀ, where C
+    # is spread² within a row, and what the filter leaves of it from row to row
+    H = ((Vt.T / s) @ U.T / size[:, None]).reshape(nb, count, nw) * (spread * weights)
+    return Estimate(b, np.sqrt(_variance(H, rows)), spread, float(s[0] / s[-1]))
+
+
+def _variance(H: Array, rows: Rows) -> Array:
+    """Of sums H y (n × states × nw) of noise with the variance one that is correlated from row to
+    row."""
+    variance = np.sum(H**2, axis=(1, 2))
+    for lag, part in enumerate(rows.correlation[1 : H.shape[1]], 1):
+        variance += 2.0 * part * np.sum(H[:, lag:] * H[:, :-lag], axis=(1, 2))
+    return np.asarray(variance)
 
 
 def consistent(rows: Rows, base: Base, spread: Array, own: Array, solver: Any) -> Array:

@@ -30,6 +30,7 @@ TOP = 0.8  # of half the sampling rate, from where on there is noise alone
 RISEN = 10.0  # times the power of the noise: there is motion at that frequency
 SMOOTH = 9  # frequencies that power is averaged over
 ABOVE = 1.5  # the cutoff is so many times the highest frequency with motion
+SPLINE_ENDS = 12  # rows in which what a quintic spline's end does falls to 1e-4 of itself
 NYQUIST = 0.4  # and at most this part of the sampling rate
 EVEN = 1e-3  # of a time step: what steps may differ
 LEAST = 20  # rows

@@ -21,7 +21,17 @@ from derive.formulations.evaluate import function_of, slots_of
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics, closed, nominal
 from hamel.columns import file_columns
-from hamel.identify.limits import ABOVE, EVEN, LEAST, NYQUIST, ORDER, RISEN, SMOOTH, TOP
+from hamel.identify.limits import (
+    ABOVE,
+    EVEN,
+    LEAST,
+    NYQUIST,
+    ORDER,
+    RISEN,
+    SMOOTH,
+    SPLINE_ENDS,
+    TOP,
+)
 
 Array = np.ndarray
 
@@ -43,9 +53,19 @@ class Filter:
         return max(1, int(self.rate / (2.5 * self.cutoff)))
 
     @property
+    def correlation(self) -> Array:
+        """Of white noise after the filter, between kept rows that are 0, 1, 2 … apart."""
+        reach = 4 * self.ends
+        impulse = np.zeros(2 * reach + 1)
+        impulse[reach] = 1.0
+        response = self(impulse)
+        lags = np.correlate(response, response, "full")[2 * reach :: self.every]
+        return lags[: reach // self.every + 1] / lags[0]
+
+    @property
     def ends(self) -> int:
-        """Rows at either end that the filter's own ends reach."""
-        return int(2.0 * self.rate / self.cutoff)
+        """Rows at either end that the ends of filter and splines reach."""
+        return int(2.0 * self.rate / self.cutoff) + SPLINE_ENDS
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 The motion is cut into segments, each with a start of its own. Parameters and starts together make
 what is measured differ least from what is computed, with the end of each segment held to the start
 of the next (Bock 1983): no segment is so long that a wrong start leads far away. Gauss and Newton's
-steps with trust regions (scipy.optimize.least_squares); derivatives by differences of motions that
-run side by side in one call.
+steps with trust regions (scipy.optimize.least_squares). Derivatives are integrated with the motion
+(`variation`); where forces jump they are differences of motions that run side by side in one call.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from hamel.identify.limits import (
     TOLERANCE,
 )
 from hamel.identify.measured import Array, Recorded
+from hamel.identify.variation import Slopes, slopes
 
 HOW: dict[str, Any] = {"rtol": TOLERANCE, "atol": TOLERANCE, "integrator": "dop853"}
 
@@ -64,6 +65,8 @@ class _Problem:
     names: tuple[str, ...]
     scale_p: Array
     scale_x: Array
+    along: ModuleType | None  # of a motion with its slopes
+    slopes: Slopes
 
     def parts(self, theta: Array) -> tuple[Array, Array]:
         """Parameters (…, np) and starts (…, segments, nx) of θ (…, n)."""
@@ -76,12 +79,29 @@ class _Problem:
     def motions(self, p: Array, starts: Array, at: Array) -> Array:
         """x of motions from these starts, (motions, rows, nx). Raises AssumptionError where one
         stops on its way."""
-        recorded, module = self.recorded, self.module
-        columns = zip(module.inputs, recorded.u.T)
-        u = {name: module.Table(recorded.t, column, "linear") for name, column in columns}
-        if hasattr(module, "project"):
-            starts = module.project(recorded.t[at[:, 0]], starts, None, p)
-        x = np.asarray(module.simulate(recorded.t[at], starts, u or None, p, **HOW).x, float)
+        if hasattr(self.module, "project"):
+            starts = self.module.project(self.recorded.t[at[:, 0]], starts, None, p)
+        return self._simulated(self.module, starts, p, at)
+
+    def motions_with_slopes(self, theta: Array) -> tuple[Array, Array]:
+        """x of the segments and its slopes by (free p, own start) in their scales, (segments, rows,
+        nx, n)."""
+        assert self.along is not None  # who asks knows
+        p, starts = self.parts(theta)
+        t, u = self.recorded.t[self.at[:, 0]], self.recorded.u[self.at[:, 0]]
+        begun = [self.slopes.at_start(*each, p) for each in zip(t, starts, u)]
+        scale = np.concatenate([self.scale_p, self.scale_x])
+        whole = np.array([np.concatenate([x, (D * scale).ravel()]) for x, D in begun])
+        many = np.broadcast_to(p, (len(self.at), len(p)))
+        rows = self._simulated(self.along, whole, many, self.at)
+        x, D = np.split(rows, [len(self.scale_x)], axis=-1)
+        return x, D.reshape(*x.shape, len(scale))
+
+    def _simulated(self, module: ModuleType, starts: Array, p: Array, at: Array) -> Array:
+        columns = zip(module.inputs, self.recorded.u.T)
+        u = {name: module.Table(self.recorded.t, column, "linear") for name, column in columns}
+        rows = module.simulate(self.recorded.t[at], starts, u or None, p, **HOW).x
+        x = np.asarray(rows, float)
         if not np.isfinite(x).all():
             message = f"{self.equations.system.model.name}: a motion from a start between two "
             raise AssumptionError(f"{message}segments stops on its way", "more segments")
@@ -113,10 +133,12 @@ def shot(
     recorded: Recorded,
     free: Sequence[str],
     segments: int,
+    along: ModuleType | None,
 ) -> Shot:
-    """The free parameters from a recorded motion. Raises ModelError for names that are none and for
+    """The free parameters from a recorded motion; `along` is the module of `varied`, None where
+    slopes are to be differences. Raises ModelError for names that are none and for
     a file that measures nothing, AssumptionError where the motion does not tell them."""
-    problem = _problem(equations, module, recorded, free, segments)
+    problem = _problem(equations, module, recorded, free, segments, along)
     measured = np.column_stack([recorded.columns[name] for name in problem.names])
     noise = FIRST_NOISE * np.maximum(np.std(measured, axis=0), LEAST_WEIGHT)
     theta, jacobian = _first(problem), np.empty((0, 0))
@@ -153,6 +175,7 @@ def _problem(
     recorded: Recorded,
     free: Sequence[str],
     segments: int,
+    along: ModuleType | None,
 ) -> _Problem:
     names = quantities(equations, recorded)
     rows = (len(recorded.t) - 1) // segments
@@ -161,10 +184,17 @@ def _problem(
     at = rows * np.arange(segments)[:, None] + np.arange(rows + 1)
     p = np.array(equations.parameters, float)
     numbers = tuple(module.parameters.index(name) for name in free)
-    scale_p = np.where(p[list(numbers)] == 0.0, 1.0, np.abs(p[list(numbers)]))
+    scale_p = scales_of(equations, free)
     spread = np.std(recorded.x, axis=0)
     scale_x = np.where(spread > MOVES, spread, 1.0)
-    return _Problem(equations, module, recorded, p, numbers, at, names, scale_p, scale_x)
+    by = slopes(equations, free, names)
+    return _Problem(equations, module, recorded, p, numbers, at, names, scale_p, scale_x, along, by)
+
+
+def scales_of(equations: Equations, free: Sequence[str]) -> Array:
+    """What each free parameter is counted in: its value in the file, one where that is zero."""
+    values = dict(zip(equations.argument("p").labels, equations.parameters))
+    return np.array([abs(values[name]) or 1.0 for name in free])
 
 
 def _first(problem: _Problem) -> Array:
@@ -183,14 +213,27 @@ def _solved(problem: _Problem, y: Array, noise: Array, theta: Array) -> tuple[Ar
         return np.concatenate([off, last, CONTINUOUS * (starts[1:] - ends[:-1]).ravel()])
 
     def slopes(at: Array) -> Array:
-        return _slopes(problem, noise, at)
+        by = _differences if problem.along is None else _integrated
+        return by(problem, noise, at)
 
     derivatives: Any = slopes  # a function may stand there, too
     found = least_squares(residuals, theta, derivatives, max_nfev=EVALUATIONS, xtol=SMALLEST_STEP)
     return found.x, np.asarray(found.jac)
 
 
-def _slopes(problem: _Problem, noise: Array, theta: Array) -> Array:
+def _integrated(problem: _Problem, noise: Array, theta: Array) -> Array:
+    """By the slopes of each segment's motion. A segment knows its own start alone."""
+    count = len(problem.free)
+    p, _ = problem.parts(theta)
+    x, D = problem.motions_with_slopes(theta)
+    t, u = problem.recorded.t[problem.at], problem.recorded.u[problem.at]
+    seen = problem.slopes.of_seen(t, x, u, p, D, problem.scale_p)
+    dy = np.moveaxis(seen / noise[:, None], -1, 1)
+    dx = np.moveaxis(D[:, -1] / problem.scale_x[:, None], -1, 1)
+    return _assembled(dy, dx, count)
+
+
+def _differences(problem: _Problem, noise: Array, theta: Array) -> Array:
     """By one start and one parameter more at a time: all of them side by side. A segment knows its
     own start alone."""
     count, (segments, rows), nx = len(problem.free), problem.at.shape, len(problem.scale_x)

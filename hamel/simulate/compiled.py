@@ -258,7 +258,7 @@ def _motion(
         with clock("verify", "module → verified, or known to be"):
             assure(problem.plain, by, module)
         if by.charts or by.frame:
-            x, chart, p = charts.start(module, initial.q, initial.v, u, p, problem.t)
+            x, chart, p = charts.start(module, initial, u, p, problem.t)
         else:
             x, chart = state_of(problem.plain, initial, p, problem.t), 0
         start = motion.Start(times, x, u, p, chart, problem.changes, problem.events)
@@ -310,7 +310,7 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
 def others(problem: Problem, equations: Equations) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
     system = problem.system
-    alone = equations.generalized_velocities or equations.charts or equations.z
+    alone = equations.generalized_velocities or equations.charts
     if not system.rows or alone:
         return []
     names = dict.fromkeys((*(choice.name for choice in system.model.choices), "orthonormal"))

@@ -114,8 +114,8 @@ def _labelled(source: Source, simulation: Simulation, name: str) -> Columns:
 
 
 def _rows(source: Source, simulation: Simulation, name: str) -> np.ndarray:
-    nq = source.equations.system.q.numel()
-    return charts.at_rows(source.module, name, simulation, nq, source.u, source.p)
+    w = source.equations.speeds
+    return charts.at_rows(source.module, name, simulation, w, source.u, source.p)
 
 
 def _columns(source: Source, simulation: Simulation, groups: Mapping[str, Columns]) -> Columns:
@@ -187,8 +187,8 @@ def _stopping(simulation: Simulation) -> str | None:
 
 def _acceleration_violation(source: Source, simulation: Simulation) -> float:
     """The largest |A v̇ − β| of all rows, each in its chart."""
-    nq = source.equations.system.q.numel()
-    pieces = charts.pieces(source.module, _reduced(simulation), nq, source.u, source.p)
+    w = source.equations.speeds
+    pieces = charts.pieces(source.module, _reduced(simulation), w, source.u, source.p)
     return max(_largest_violation(source, chart, piece) for chart, _, piece in pieces)
 
 

@@ -17,7 +17,7 @@ from codegen.seal import VERIFICATION
 from derive.diagnostics import VerificationError
 from derive.formulations.records import Equations
 from hamel.build import store
-from hamel.build.module import compiled, loaded
+from hamel.build.module import Compiled, compiled, loaded
 from hamel.build.scratch import workspace
 from hamel.build.stages import program_of
 from hamel.verify.shipped import shipped, shipped_checks
@@ -47,9 +47,14 @@ def packed(
     with compiled(program.name, texts) as folder:
         if folder.message:
             warnings.warn(folder.message, RuntimeWarning, stacklevel=3)
-        binaries = {name: data for name, data in folder.files.items() if name not in texts}
-        key = store.digest(*(part for name in sorted(texts) for part in (name, texts[name])))
-        yield Artefact(program.name, key, texts, binaries), folder.module
+        yield of_folder(program.name, texts, folder), folder.module
+
+
+def of_folder(name: str, texts: Mapping[str, str], folder: Compiled) -> Artefact:
+    """Texts and what was compiled of them."""
+    binaries = {name: data for name, data in folder.files.items() if name not in texts}
+    key = store.digest(*(part for name in sorted(texts) for part in (name, texts[name])))
+    return Artefact(name, key, texts, binaries)
 
 
 def unpacked(artefact: Artefact) -> tuple[ModuleType, str]:

@@ -12,26 +12,24 @@ from typing import Any
 import numpy as np
 
 from codegen.runtime.simulation import Status
-from derive.formulations.frames import based
-from derive.linearize.many import steady_motions
-from derive.linearize.spectrum import eigenvalues
-from derive.linearize.steady import motion_of
-from derive.linearize.study import Study, study
-from derive.model import load_text
-from hamel.build.stages import mechanics_of
+from derive.expressions.columns import columns_of
 from hamel.simulate.energies import exchanged
-from hamel.sweep.job import Job, Modes, Motions
+from hamel.sweep import modes
+from hamel.sweep.job import Job, Motions
 from hamel.sweep.kept import Kept, evaluated
-from hamel.sweep.linear import equations_in
 
-NOT_ASSEMBLED, INADMISSIBLE, NO_STEADY_MOTION = 100, 101, 102
+NOT_ASSEMBLED, INADMISSIBLE = 100, 101
 CAUSES = {
     NOT_ASSEMBLED: "it cannot be assembled: no state near the initial values satisfies the "
     "constraints",
     INADMISSIBLE: "a mass or moment of inertia is negative, or a value is not finite",
-    NO_STEADY_MOTION: "no steady motion was found with these values",
+    modes.NO_STEADY_MOTION: "no steady motion was found with these values",
 }
-GOOD = (int(Status.OK), int(Status.EVENT))
+
+
+def is_good(status: np.ndarray) -> np.ndarray:
+    """Which motions came to their end."""
+    return (status == Status.OK) | (status == Status.EVENT)
 
 
 def cause(status: int) -> str:
@@ -61,8 +59,9 @@ def made(job: Job, module: Any, number: int) -> Chunk:
     if isinstance(work, Motions):
         columns, status, moved = _motions(job, work, module, varied, last - first)
     else:
-        columns, status, moved = _modes(job, module, varied, last - first)
-    good = np.isin(status, GOOD)
+        parts, status = modes.columns(module, varied, last - first)
+        columns, moved = {each.label: parts[each.text].copy() for each in job.kept}, 0
+    good = is_good(status)
     for column in columns.values():
         column[~good] = np.nan
     return Chunk(first, varied, columns, status, moved, time.perf_counter() - begin)
@@ -79,7 +78,7 @@ def _motions(
     initial = {n: varied.get(n, np.array(work.held.get(n))) for n in work.starter.names}
     status = np.zeros(count, dtype=np.int16)
     with np.errstate(all="ignore"):
-        least = work.bodies(p.T).full().min(axis=0) if count else np.zeros(0)
+        least = columns_of(work.bodies)(p.T)[0].min(axis=(0, 1))
         starts = work.starter(initial, p)
         finite = np.isfinite(p).all(axis=1) & np.isfinite(u).all(axis=1)
     status[~starts.closed] = NOT_ASSEMBLED
@@ -279,31 +278,3 @@ _OVER: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
     "mean": _mean,
     "rms": lambda t, values: np.sqrt(_mean(t, values * values)),
 }
-
-
-# ---- eigenvalues
-
-
-def studied(work: Modes) -> Study:
-    """The linear equations along the steady motion, derived from the model's text."""
-    model = load_text(work.text, work.file)
-    equations = based(equations_in(mechanics_of(model), work.choice))
-    return study(equations, motion_of(equations, work.at), work.values)
-
-
-def _modes(
-    job: Job, found: Study, varied: dict[str, np.ndarray], count: int
-) -> tuple[dict[str, np.ndarray], np.ndarray, int]:
-    status = np.zeros(count, dtype=np.int16)
-    with np.errstate(all="ignore"):
-        motions, steady = steady_motions(found, varied)
-        matrices = np.asarray(found.matrices(motions))
-    status[~steady] = NO_STEADY_MOTION
-    finite = np.isfinite(matrices.reshape(count, -1).sum(axis=1))
-    status[~finite & (status == 0)] = Status.NOT_FINITE
-    real, imaginary = np.full((2, count), np.nan)
-    if finite.any() and matrices.shape[1]:
-        first = eigenvalues(matrices[finite])[:, 0]
-        real[finite], imaginary[finite] = np.real(first), np.abs(np.imag(first))
-    parts = {"growth": real, "frequency": imaginary}
-    return {each.label: parts[each.text].copy() for each in job.kept}, status, 0

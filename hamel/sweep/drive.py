@@ -1,19 +1,22 @@
-"""The chunks of a sweep through an executor, each written as soon as it is there."""
+"""The chunks of a sweep through an executor, each written as soon as it is there, by threads of
+their own: no worker waits for a disk."""
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+from typing import Any
 
 import hamel
 from derive.diagnostics import AssumptionError, HamelError, ToolchainError
 from hamel.engines import Engine
-from hamel.sweep.folder import GROUP, RESUME, Folder
+from hamel.sweep.folder import Folder
 from hamel.sweep.job import payload
-from hamel.sweep.limits import AHEAD, LOOK, TRIES
+from hamel.sweep.limits import AHEAD, GROUP, LOOK, TRIES, WAITING, WRITERS
+from hamel.sweep.places import RESUME
 from hamel.sweep.plan import Plan
 from hamel.sweep.work import Answer, Task, remember, work
 
@@ -45,6 +48,23 @@ class _Running:
     progress: Progress
     tries: Counter[int] = field(default_factory=Counter)
     sent: Counter[int] = field(default_factory=Counter)
+    again: list[int] = field(default_factory=list)  # chunks that lost their worker
+    running: dict[Future[Any], int] = field(default_factory=dict)  # chunks in work
+    writing: dict[Future[Any], tuple[int, Answer]] = field(default_factory=dict)
+    gathering: set[Future[Any]] = field(default_factory=set)
+    ended: SimpleQueue[Future[Any]] = field(default_factory=SimpleQueue)
+
+    def follow(self, future: Future[Any]) -> Future[Any]:
+        """It says by itself when it has ended: to look at those of a thousand workers in turn would
+        take longer than their answers."""
+        future.add_done_callback(self.ended.put)
+        return future
+
+    @property
+    def has_room(self) -> bool:
+        """Whether more may be handed out: what keeps all busy, and can be written meanwhile."""
+        most = AHEAD * self.engine.width()
+        return len(self.running) < most and len(self.writing) < max(most, WAITING)
 
 
 def driven(
@@ -59,10 +79,10 @@ def driven(
     Raises AssumptionError where more than `bound` motions failed, ToolchainError where the engine
     is gone or nothing can be written; what is finished stays in the folder.
     """
-    done = folder.done()
+    done = folder.done(plan.chunks)
     packs = [payload(job) for job in plan.jobs]
     names, data = [name for name, _ in packs], [content for _, content in packs]
-    known = sum(_count(plan, chunk) for chunk in done if chunk < plan.chunks)
+    known = sum(_count(plan, chunk) for chunk in done)
     here = _Running(
         plan, engine, folder, names, data, bound, told, Progress(plan.design.size, known)
     )
@@ -71,11 +91,11 @@ def driven(
             note for name, job in zip(names, plan.jobs) if (note := remember(name, job))
         }
     missing = (chunk for chunk in range(plan.chunks) if chunk not in done)
-    waiting = Counter(chunk // GROUP for chunk in done if chunk < plan.chunks)
-    _follow(here, missing, waiting)
+    waiting = Counter(chunk // GROUP for chunk in done)
+    with ThreadPoolExecutor(WRITERS) as writers:
+        _follow(here, missing, waiting, writers)
     if plan.asked.reduce:
-        for group in range(-(-plan.chunks // GROUP)):
-            folder.gather(group, plan.chunks)
+        folder.gather_left(plan.chunks)
     return here.progress
 
 
@@ -85,37 +105,68 @@ def _count(plan: Plan, chunk: int) -> int:
     return last - first
 
 
-def _follow(here: _Running, missing: Iterator[int], ready: Counter[int]) -> None:
-    """Until nothing is missing."""
-    running: dict[Future[Answer], int] = {}
-    again: list[int] = []
+def _follow(here: _Running, missing: Iterator[int], ready: Counter[int], writers: Executor) -> None:
+    """Until nothing is missing, and all is written."""
     try:
         while True:
-            for chunk in itertools.chain(_taken(again), missing):
-                future = _submitted(here, chunk)
-                running[future] = chunk
-                if len(running) >= AHEAD * here.engine.width():
-                    break
-            if not running:
+            _hand_out(here, missing)
+            if not (here.running or here.writing or here.gathering):
                 return
-            finished = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED).done
-            if not finished and here.engine.gone():
-                raise _gone(here)
-            for future in finished:
-                chunk = running.pop(future)
-                if not _took(here, chunk, future):
-                    again.append(chunk)
-                    continue
-                ready[chunk // GROUP] += 1
-                _gather(here, chunk // GROUP, ready)
+            for future in _ended(here):
+                _went_on(here, future, ready, writers)
     finally:
-        for future in running:
+        for future in here.running:
             future.cancel()
 
 
-def _taken(again: list[int]) -> Iterator[int]:
-    while again:
-        yield again.pop()
+def _hand_out(here: _Running, missing: Iterator[int]) -> None:
+    while here.has_room:
+        chunk = here.again.pop() if here.again else next(missing, None)
+        if chunk is None:
+            return
+        here.running[here.follow(_submitted(here, chunk))] = chunk
+
+
+def _ended(here: _Running) -> list[Future[Any]]:
+    """What has ended since the last look; none after a while in which nothing did."""
+    try:
+        ended = [here.ended.get(timeout=LOOK)]
+    except Empty:
+        if here.engine.gone():
+            raise _gone(here) from None
+        return []
+    while not here.ended.empty():
+        ended.append(here.ended.get())
+    return ended
+
+
+def _went_on(here: _Running, future: Future[Any], ready: Counter[int], writers: Executor) -> None:
+    """Work is followed by writing, the last writing of a group by putting it together."""
+    if future in here.running:
+        chunk = here.running.pop(future)
+        answer = _answer(here, chunk, future)
+        if answer is None:
+            here.again.append(chunk)
+            return
+        name = here.folder.chunk_name(chunk)
+        written = writers.submit(here.folder.write, name, answer.content)
+        here.writing[here.follow(written)] = chunk, answer
+        return
+    here.gathering.discard(future)
+    future.result()
+    if future in here.writing:
+        chunk, answer = here.writing.pop(future)
+        _count_in(here, answer)
+        group = chunk // GROUP
+        ready[group] += 1
+        if here.plan.asked.reduce and ready[group] == _whole(here, group):
+            gathered = writers.submit(here.folder.gather, group, here.plan.chunks)
+            here.gathering.add(here.follow(gathered))
+
+
+def _whole(here: _Running, group: int) -> int:
+    """How many chunks it has."""
+    return min(here.plan.chunks, (group + 1) * GROUP) - group * GROUP
 
 
 def _submitted(here: _Running, chunk: int) -> Future[Answer]:
@@ -134,13 +185,11 @@ def _submitted(here: _Running, chunk: int) -> Future[Answer]:
         raise _gone(here) from error
 
 
-def _took(here: _Running, chunk: int, future: Future[Answer]) -> bool:
-    """The answer is written; False where the chunk has to be made again."""
+def _answer(here: _Running, chunk: int, future: Future[Answer]) -> Answer | None:
+    """None where the chunk has to be made again."""
     try:
         answer = future.result()
     except here.engine.lost as error:
-        if here.engine.gone():
-            raise _gone(here) from None
         return _lost(here, chunk, error)
     except HamelError:
         raise
@@ -155,13 +204,12 @@ def _took(here: _Running, chunk: int, future: Future[Answer]) -> bool:
         raise
     if answer.missing:
         here.tries[chunk] += 1
-        return False
-    here.folder.write(here.folder.chunk_name(chunk), answer.content)
-    _count_in(here, answer)
-    return True
+        return None
+    return answer
 
 
-def _lost(here: _Running, chunk: int, error: BaseException) -> bool:
+def _lost(here: _Running, chunk: int, error: BaseException) -> None:
+    """Counts it. Raises ToolchainError where the engine is gone, or this happens too often."""
     if here.engine.gone():
         raise _gone(here) from None
     here.tries[chunk] += 1
@@ -171,7 +219,6 @@ def _lost(here: _Running, chunk: int, error: BaseException) -> bool:
             f"chunk {chunk} lost its worker {TRIES} times: {type(error).__name__}",
             f"a smaller --chunk takes less memory; {RESUME}",
         )
-    return False
 
 
 def _count_in(here: _Running, answer: Answer) -> None:
@@ -192,14 +239,6 @@ def _count_in(here: _Running, answer: Answer) -> None:
             f"may: {reasons}",
             "other ranges, or --failures with a larger part",
         )
-
-
-def _gather(here: _Running, group: int, ready: Counter[int]) -> None:
-    """Without rows, a finished group becomes one file."""
-    if not here.plan.asked.reduce:
-        return
-    if ready[group] == min(here.plan.chunks, (group + 1) * GROUP) - group * GROUP:
-        here.folder.gather(group, here.plan.chunks)
 
 
 def _gone(here: _Running) -> ToolchainError:

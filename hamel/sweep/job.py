@@ -45,13 +45,14 @@ class Motions:
 @dataclass(frozen=True)
 class Modes:
     """Eigenvalues along a steady motion: the model's text, from which a worker derives the linear
-    equations once."""
+    equations once, and compiled code of them where there are many points."""
 
     text: str
     file: str
     choice: str | None
     at: str | None
     values: Mapping[str, float]
+    artefact: Artefact | None = None
 
 
 @dataclass(frozen=True)

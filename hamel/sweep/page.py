@@ -14,12 +14,8 @@ from hamel.draw import Series, chart, linear
 from hamel.draw.canvas import STYLE, Frame, document, element, text
 from hamel.records import KeptColumn, Swept
 from hamel.sweep.plan import Plan
-from hamel.sweep.summary import Summary, middle, of_json
-from hamel.sweep.work import Held
 
 PAGE = "sweep.html"
-BARS = 60  # of a histogram
-SAME = 1e-12  # relative: values no farther apart differ by rounding, and fill no bars
 CELLS = 150  # of a map, each way
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM, KEY = 560, 400, 70, 90, 30, 46, 14
 COLD, PALE, WARM = (0, 90, 160), (245, 240, 230), (190, 40, 20)
@@ -28,7 +24,7 @@ FAILED = "#ffffff"
 Columns = dict[str, np.ndarray]
 
 
-def page(plan: Plan, record: Swept, known: Held, columns: Columns | None) -> str:
+def page(plan: Plan, record: Swept, columns: Columns | None) -> str:
     """HTML of a complete sweep; `columns` are its rows, None where they are too many or none."""
     failed = [(n, why) for why, n in record.statuses.items()]
     bad = [pair for pair in failed if pair[1] not in ("ok", "stopped by an event")]
@@ -37,7 +33,7 @@ def page(plan: Plan, record: Swept, known: Held, columns: Columns | None) -> str
         title=f"{record.model}: {record.motions} motions",
         subtitle=_subtitle(plan, record),
         version=hamel.__version__,
-        columns=[_section(plan, record, each, known, columns) for each in record.kept],
+        columns=[_section(plan, record, each, columns) for each in record.kept],
         failures=bad,
         failed=[(k, record.commands[str(k)]) for k, _ in record.reasons],
     )
@@ -55,9 +51,8 @@ def _subtitle(plan: Plan, record: Swept) -> str:
 
 
 def _section(
-    plan: Plan, record: Swept, each: KeptColumn, known: Held, columns: Columns | None
+    plan: Plan, record: Swept, each: KeptColumn, columns: Columns | None
 ) -> dict[str, Any]:
-    of = of_json(known["columns"][each.name])
     unit = f" ({each.unit})" if each.unit else ""
     indices = record.sensitivities.get(each.name)
     order = (
@@ -65,7 +60,7 @@ def _section(
         if indices
         else ()
     )
-    figures = [*_over_grids(plan, each, columns), _distribution(each, of)]
+    figures = [*_over_grids(plan, each, columns), _distribution(each)]
     ends = [*each.lowest[:3], *reversed(each.highest[:3])]
     return {
         "title": each.name + unit,
@@ -82,23 +77,19 @@ def _section(
     }
 
 
-def _distribution(each: KeptColumn, of: Summary) -> str:
-    """A histogram from the bins of the quantiles."""
-    if of.count < 2:
+def _distribution(each: KeptColumn) -> str:
+    """The histogram as a density."""
+    edges, counts = each.histogram
+    if not counts:
         return ""
-    low, high = of.lowest[0][0], of.highest[0][0]
-    if not high - low > SAME * max(abs(low), abs(high)):
-        return ""
-    values = np.clip([middle(k) for k in of.bins], low, high)
-    counts, edges = np.histogram(values, BARS, (low, high), weights=list(of.bins.values()))
     width = edges[1] - edges[0]
-    density = counts / of.count / width
-    points = [(float(edges[0]), 0.0)]
-    for k, height in enumerate(density.tolist()):
-        points += [(float(edges[k]), height), (float(edges[k + 1]), height)]
-    points.append((float(edges[-1]), 0.0))
+    points = [(edges[0], 0.0)]
+    for k, count in enumerate(counts):
+        height = count / each.count / width
+        points += [(edges[k], height), (edges[k + 1], height)]
+    points.append((edges[-1], 0.0))
     unit = f" ({each.unit})" if each.unit else ""
-    series = [Series(f"{of.count} motions", points, "curve")]
+    series = [Series(f"{each.count} motions", points, "curve")]
     return chart(
         f"distribution of {each.name}", each.name + unit, "density", series, (False, False)
     )

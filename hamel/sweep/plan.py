@@ -34,8 +34,9 @@ from hamel.sweep.artefact import Artefact, packed
 from hamel.sweep.axes import METHODS, Design, Sampling, design
 from hamel.sweep.job import Job, Modes, Motions
 from hamel.sweep.kept import Kept, Names, kept
-from hamel.sweep.limits import MOST_METHODS, ROWS
+from hamel.sweep.limits import MOST_METHODS, ROWS, WORTH
 from hamel.sweep.linear import equations_in
+from hamel.sweep.modes import in_lanes
 
 MOTIONS, POINTS = 1024, 16_384  # of a chunk: motions, and eigenvalues without motions
 
@@ -166,6 +167,8 @@ def _names(system: System) -> Names:
         for name in components(output.name, output.expression, letters):
             outputs[name] = output.unit
     energies = {"T": "J", "V": "J", "work": "J"}
+    starts = {x.name for x in model.speeds}  # declared quasi-velocities: only where motions begin
+    known = {name: unit for name, unit in known.items() if name not in starts}
     every = {**known, **outputs, **energies, "t": "s"}
     moving = (*model.coordinates, *model.velocities, *model.states)
     states = tuple(item.name for item in moving)
@@ -217,12 +220,26 @@ def _check_names(system: System, asked: Asked, made: Design, of_modes: bool) -> 
                     f"'{name}' is to vary, but is no parameter and not free in the steady motion",
                     f"known: {listed((*free, *parameters))}",
                 )
+    if made.kind == "saltelli":
+        _check_indices(asked, made)
     for grid in made.grids:
         for end in {min(grid.values), max(grid.values)}:
             if grid.name in parameters:
                 settings(model, {**_own(model, asked.values), grid.name: end})
     if asked.inputs and any(name in {i.name for i in model.inputs} for name in made.names):
         raise ModelError("inputs over time and inputs that vary do not go together")
+
+
+def _check_indices(asked: Asked, made: Design) -> None:
+    """Sobol indices are known of all rows of one design."""
+    alone = made.distributions and made.size == made.samples
+    if alone and not asked.reduce:
+        return
+    what = "--reduce keeps none" if alone else "grids, files or methods vary, too"
+    raise ModelError(
+        f"Sobol indices need all rows of what is drawn, and {what}",
+        "another --design, or only distributions to vary and no --reduce",
+    )
 
 
 def _method(usual: Method, by: Mapping[str, Any]) -> Method:
@@ -247,7 +264,8 @@ def _modes(model: Model, asked: Asked, made: Design, method: Method) -> Modes:
                 f"'{name}' is set, but is no parameter and not free in '{motion.name}'"
             )
     first = {name: float(column[0]) for name, column in made.values(0, 1).items()}
-    return Modes(model.text, model.file, method.choice, asked.at, {**values, **first})
+    work = Modes(model.text, model.file, method.choice, asked.at, {**values, **first})
+    return replace(work, artefact=in_lanes(work)) if made.per_method >= WORTH else work
 
 
 def _motions(

@@ -10,9 +10,10 @@ import numpy as np
 from derive.diagnostics import ToolchainError
 from hamel.optional import library
 from hamel.sweep.axes import problem
-from hamel.sweep.folder import RESUME, Folder
+from hamel.sweep.folder import Folder
+from hamel.sweep.places import RESUME
 from hamel.sweep.plan import Plan
-from hamel.sweep.work import Held, columns_in, summary_of
+from hamel.sweep.work import Held, columns_in, moved_in, summary_of
 
 SHOWN = 1_000_000  # rows that a page reads
 
@@ -23,7 +24,8 @@ def held_of_rows(plan: Plan) -> Callable[[bytes], Held]:
     def held(content: bytes) -> Held:
         columns = columns_in(content)
         quantities = {each.label: columns[each.label] for each in plan.kept}
-        return summary_of(int(columns["motion"][0]), quantities, columns["status"], 0)
+        first, moved = int(columns["motion"][0]), moved_in(content)
+        return summary_of(first, quantities, columns["status"], moved)
 
     return held
 
@@ -69,19 +71,26 @@ def dataset(plan: Plan, folder: Folder) -> Any:
     return xarray.Dataset(variables, coordinates, about)
 
 
-def sensitivities(plan: Plan, folder: Folder) -> dict[str, Any]:
-    """First order and total Sobol indices of every kept quantity, by SALib; nothing where the
-    design is another, or grids and files vary as well."""
+def sensitivities(plan: Plan, folder: Folder) -> tuple[dict[str, Any], list[str]]:
+    """First order and total Sobol indices of every kept quantity, by SALib, where the design is
+    made for them; and which quantities have none."""
     design = plan.design
-    if design.kind != "saltelli" or design.size != design.samples or plan.asked.reduce:
-        return {}
+    if design.kind != "saltelli":
+        return {}, []
     sobol = library("SALib.analyze.sobol", "Sobol indices")
     columns = rows(plan, folder)
     names = [each.name for each in design.distributions]
-    result = {}
+    result: dict[str, Any] = {}
+    without: list[str] = []
     for each in plan.kept:
         values = columns[each.label]
-        if not np.isfinite(values).all() or np.ptp(values) == 0:
+        if missing := int(np.sum(~np.isfinite(values))):
+            without.append(
+                f"no Sobol indices of {each.label}: {missing} motions of the design have no value"
+            )
+            continue
+        if np.ptp(values) == 0:
+            without.append(f"no Sobol indices of {each.label}: it is the same in all motions")
             continue
         about = problem(len(names), names)
         indices = sobol.analyze(about, values, calc_second_order=False, seed=0)
@@ -92,4 +101,4 @@ def sensitivities(plan: Plan, folder: Folder) -> dict[str, Any]:
             "total": indices["ST"].tolist(),
             "total_confidence": indices["ST_conf"].tolist(),
         }
-    return result
+    return result, without

@@ -6,8 +6,9 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections import Counter, defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import reduce
 from io import BytesIO
 from typing import Any
 
@@ -18,12 +19,14 @@ from derive.diagnostics import ToolchainError
 from hamel.build import store
 from hamel.optional import library
 from hamel.sweep.artefact import unpacked
-from hamel.sweep.chunk import GOOD, Chunk, cause, made, studied
+from hamel.sweep.chunk import Chunk, cause, is_good, made
 from hamel.sweep.job import Job, Motions, of_payload
 from hamel.sweep.limits import REASONS
-from hamel.sweep.summary import merged, of_json, summary
+from hamel.sweep.modes import ready
+from hamel.sweep.summary import Growing, of_json, summary
 
 JOB = "sweep"  # the kind of entry in the store
+MOVED = b"moved"  # what a file of rows says of all of them
 
 _known: dict[str, tuple[Job, Any, str]] = {}
 _lock = threading.Lock()
@@ -67,7 +70,7 @@ def work(task: Task) -> Answer:
     job, module, note = result
     chunk = made(job, module, task.number)
     content = rows_file(chunk) if job.rows else summary_file(chunk)
-    failed = np.flatnonzero(~np.isin(chunk.status, GOOD))
+    failed = np.flatnonzero(~is_good(chunk.status))
     reasons = [(chunk.first + int(k), cause(int(chunk.status[k]))) for k in failed[:REASONS]]
     return Answer(
         content,
@@ -107,7 +110,8 @@ def remember(name: str, job: Job) -> str:
     if isinstance(job.work, Motions):
         module, note = unpacked(job.work.artefact)
     else:
-        module, note = studied(job.work), ""
+        found = ready(job.work)
+        module, note = found.study, found.note
     _known[name] = job, module, note
     return note
 
@@ -123,9 +127,17 @@ def rows_file(chunk: Chunk) -> bytes:
     columns |= chunk.varied | chunk.kept | {"status": chunk.status}
     sink = BytesIO()
     table = arrow.table({name: arrow.array(column) for name, column in columns.items()})
+    table = table.replace_schema_metadata({MOVED: str(chunk.moved)})
     parquet = library("pyarrow.parquet", "keeping rows")
-    parquet.write_table(table, sink, compression="zstd", write_statistics=False)
+    how = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
+    parquet.write_table(table, sink, **how)  # numbers seldom repeat: no dictionary of them
     return sink.getvalue()
+
+
+def moved_in(content: bytes) -> int:
+    """In how many motions of such a file a held value had to give way."""
+    parquet = library("pyarrow.parquet", "reading rows")
+    return int(parquet.read_schema(BytesIO(content)).metadata[MOVED])
 
 
 def columns_in(content: bytes) -> dict[str, np.ndarray]:
@@ -141,7 +153,7 @@ Held = dict[str, Any]  # a summary file as JSON has it
 def summary_of(first: int, kept: dict[str, np.ndarray], status: np.ndarray, moved: int) -> Held:
     """Of some motions that follow each other."""
     statuses, counts = np.unique(status, return_counts=True)
-    bad = np.flatnonzero(~np.isin(status, GOOD))[:REASONS]
+    bad = np.flatnonzero(~is_good(status))[:REASONS]
     return {
         "count": len(status),
         "moved": moved,
@@ -151,27 +163,25 @@ def summary_of(first: int, kept: dict[str, np.ndarray], status: np.ndarray, move
     }
 
 
-def both(a: Held, b: Held) -> Held:
-    """Of both parts, a before b."""
-    statuses = dict(a["statuses"])
-    for status, count in b["statuses"]:
-        statuses[status] = statuses.get(status, 0) + count
-    columns = {
-        name: merged(of_json(a["columns"][name]), of_json(b["columns"][name])).about()
-        for name in a["columns"]
-    }
+def all_of(parts: Iterable[Held]) -> Held:
+    """Of all parts, in their order; no two of them are ever in memory."""
+    count = moved = 0
+    statuses: Counter[int] = Counter()
+    failures: list[list[int]] = []
+    columns: defaultdict[str, Growing] = defaultdict(Growing)
+    for part in parts:
+        count, moved = count + part["count"], moved + part["moved"]
+        statuses.update(dict(part["statuses"]))
+        failures = sorted([*failures, *part["failures"]])[:REASONS]
+        for name, column in part["columns"].items():
+            columns[name].add(of_json(column))
     return {
-        "count": a["count"] + b["count"],
-        "moved": a["moved"] + b["moved"],
+        "count": count,
+        "moved": moved,
         "statuses": sorted([k, n] for k, n in statuses.items()),
-        "failures": sorted([*a["failures"], *b["failures"]])[:REASONS],
-        "columns": columns,
+        "failures": failures,
+        "columns": {name: column.summary().about() for name, column in columns.items()},
     }
-
-
-def all_of(parts: list[Held]) -> Held:
-    """Of all parts, in their order."""
-    return reduce(both, parts)
 
 
 def summary_file(chunk: Chunk) -> bytes:

@@ -3,6 +3,7 @@ tell them."""
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import math
 from collections.abc import Sequence
@@ -25,7 +26,8 @@ from hamel.identify.fit import Fit, fit, own_values, relative
 from hamel.identify.limits import DOUBTFUL
 from hamel.identify.measured import recorded
 from hamel.identify.page import page
-from hamel.identify.shooting import check_free, quantities, shot
+from hamel.identify.shooting import check_free, quantities, scales_of, shot
+from hamel.identify.variation import is_continuous, varied
 from hamel.identify.writing import identified
 from hamel.optional import library
 from hamel.records import (
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
 
 PAGE = "identification.html"
 SOLVER = "clarabel"
+HOW = ("dop853",)  # motions of the shooting
 SEEN = ("dynamics", "velocity", "state", "outputs", "project", "constraints")
 
 
@@ -213,8 +216,13 @@ def shoot(
     motion = recorded(equations, data, cutoff)
     quantities(equations, motion)
     functions = [x for x in SEEN if equations.has(x)]
-    with temporary_module(equations, ("dop853",), None, functions) as module:
-        result = shot(equations, module, motion, free, segments)
+    with contextlib.ExitStack() as stack:
+        module = stack.enter_context(temporary_module(equations, HOW, None, functions))
+        along = None
+        if is_continuous(equations):
+            whole = varied(equations, free, scales_of(equations, free).tolist())
+            along = stack.enter_context(temporary_module(whole, HOW, ("none",)))
+        result = shot(equations, module, motion, free, segments, along)
     model = equations.system.model
     known = {x.name: x for x in model.parameters}
     return FreeParameters(

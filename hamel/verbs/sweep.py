@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from derive.diagnostics import ModelError
+from derive.robots import RobotFile
 from hamel.engines import engine
 from hamel.optional import library
 from hamel.records import KeptColumn, Swept
@@ -20,6 +21,7 @@ from hamel.show import number, table
 from hamel.sweep.chunk import cause
 from hamel.sweep.drive import driven
 from hamel.sweep.folder import Folder
+from hamel.sweep.limits import BARS
 from hamel.sweep.page import PAGE, page
 from hamel.sweep.plan import Asked, Plan, planned
 from hamel.sweep.result import columns_of, dataset, held_of_rows, sensitivities
@@ -28,6 +30,14 @@ from hamel.sweep.work import Held, all_of
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+METHOD = (
+    *("formulation", "choice", "enforcement", "alpha", "integrator", "step_size", "rtol", "atol"),
+    "real",
+)
+USUAL = {"formulation": "quasi_velocities", "real": "float64"}  # what need not be said
+FLAGS = {"floating": "--floating", "exact": "--exact", "unphysical": "--allow-unphysical"}
 
 
 @dataclass(frozen=True)
@@ -59,7 +69,8 @@ def run(path: str | PathLike[str], asked: Asked, by: Running) -> Swept:
         start = time.perf_counter()
         progress = driven(plan, result, folder, int(by.failures * plan.design.size), report)
         took = time.perf_counter() - start
-    known = all_of(list(folder.summaries(plan.chunks, held_of_rows(plan))))
+    known = all_of(folder.summaries(plan.chunks, held_of_rows(plan)))
+    indices, without = sensitivities(plan, folder)
     made_now = progress.chunks * plan.chunk
     record = Swept(
         model=plan.model.name,
@@ -70,19 +81,19 @@ def run(path: str | PathLike[str], asked: Asked, by: Running) -> Swept:
         reasons=tuple((k, cause(status)) for k, status in known["failures"]),
         moved=int(known["moved"]),
         kept=_columns(plan, known),
-        sensitivities=sensitivities(plan, folder),
+        sensitivities=indices,
         engine=result.about,
         made=progress.chunks,
         chunks=plan.chunks,
         lost=progress.lost,
         seconds=time.perf_counter() - begin,
         rate=min(made_now, plan.design.size) / took if progress.chunks else 0.0,
-        notes=tuple(sorted(progress.notes)),
+        notes=(*sorted(progress.notes), *without),
         page=f"{place}/{PAGE}",
         commands=_commands(path, plan, known),
         data=lambda: dataset(plan, folder),
     )
-    folder.write(PAGE, page(plan, record, known, columns_of(plan, folder)).encode())
+    folder.write(PAGE, page(plan, record, columns_of(plan, folder)).encode())
     return record
 
 
@@ -92,9 +103,11 @@ def _columns(plan: Plan, known: Held) -> tuple[KeptColumn, ...]:
         of = of_json(known["columns"][each.label])
         quantiles = dict(zip(map(str, QUANTILES), of.quantiles(QUANTILES)))
         mean = of.mean if of.count else math.nan
-        ends = (of.lowest, of.highest)
+        ends, histogram = (of.lowest, of.highest), of.histogram(BARS)
         columns.append(
-            KeptColumn(each.label, each.unit, of.count, mean, of.deviation, quantiles, *ends)
+            KeptColumn(
+                each.label, each.unit, of.count, mean, of.deviation, quantiles, *ends, histogram
+            )
         )
     return tuple(columns)
 
@@ -115,15 +128,28 @@ def command(path: str | PathLike[str], plan: Plan, k: int) -> str:
     named = {n: f"{v} {plan.units.get(n, '')}".strip() for n, v in values.items()}
     held = {n: str(v) for n, v in asked.values.items()}
     sets = [f"--set={n}={v}" for n, v in {**held, **named}.items()]
-    if any(each.how == "mode" for each in plan.kept):
-        at = [f"--at={asked.at}"] if asked.at else []
-        return shlex.join(["hamel", "linearize", str(path), *at, *sets])
     method = {**vars(asked.method), **design.method(k // design.per_method)}
-    names = ("formulation", "choice", "enforcement", "integrator", "step_size", "rtol", "atol")
-    options = [f"--{n.replace('_', '-')}={method[n]}" for n in names if method[n] is not None]
+    of_modes = any(each.how == "mode" for each in plan.kept)
+    names = ("choice",) if of_modes else METHOD
+    said = [n for n in names if method[n] not in (None, USUAL.get(n))]
+    options = [f"--{n.replace('_', '-')}={method[n]}" for n in said]
+    file = [str(path), *_of_robot(path)]
+    if of_modes:
+        at = [f"--at={asked.at}"] if asked.at else []
+        return shlex.join(["hamel", "linearize", *file, *at, *options, *sets])
     fed = [f"--input={n}={v}" for n, v in asked.inputs.items()]
-    span = [f"--time={asked.rows.time!r}", f"--start={asked.rows.start!r}"]
-    return shlex.join(["hamel", "simulate", str(path), *options, *span, *sets, *fed])
+    span = [f"--time={asked.rows.time!r}"]
+    span += [f"--start={asked.rows.start!r}"] if asked.rows.start else []
+    return shlex.join(["hamel", "simulate", *file, *options, *span, *sets, *fed])
+
+
+def _of_robot(path: str | PathLike[str]) -> list[str]:
+    """How a URDF or MJCF file was read, as options."""
+    if not isinstance(path, RobotFile):
+        return []
+    said = [option for name, option in FLAGS.items() if getattr(path, name)]
+    said += [f"--include={folder}" for folder in path.include]
+    return said + ([f"--parameters={path.parameters}"] if path.parameters else [])
 
 
 def show(record: Swept, console: Console) -> None:

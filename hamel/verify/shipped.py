@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -114,6 +114,15 @@ def _rows(seen: Evidence, name: str, real: Real) -> dict[str, Any]:
     values = [np.ravel(seen.graph.iterated(name, *place)) for place in places]
     sizes = _sizes(seen.graph.equations, name, places, values, real)
     return _columns(places, values, sizes)
+
+
+def stored(
+    places: Sequence[Row], value: Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+) -> dict[str, Any]:
+    """Rows of a function that no model has by itself, with values that `value` gives."""
+    rounded = [_argument(row) for row in places]
+    values = [np.ravel(value(*row)) for row in rounded]
+    return _columns(rounded, values, [_largest(each) for each in values])
 
 
 def _sizes(

@@ -27,6 +27,7 @@ NOTHING = 1e-9  # in the model's own units
 ENOUGH = 0.5  # at least this part of the states asked for must be found
 
 
+@np.errstate(all="ignore")  # a value that is no number fails its check, and is told there
 def verification(
     model: Model,
     equations: Equations,
@@ -48,6 +49,7 @@ def verification(
     return _verdict(seen, states, seed, (*results(seen), *_in_charts(seen, CHECKS)))
 
 
+@np.errstate(all="ignore")
 def quick_verification(
     model: Model,
     equations: Equations,
@@ -148,6 +150,7 @@ def _without_roundoff(seen: Evidence, s: Sample) -> Array:
     return np.where(np.abs(values) < NOTHING * seen.units.whole, 0.0, values)
 
 
+@np.errstate(all="ignore")
 def results(seen: Evidence, checks: Sequence[Check] = CHECKS) -> tuple[CheckResult, ...]:
     """Every check that applies, at the states of the evidence."""
     outcomes = [_check(check, seen) for check in checks if seen.samples]

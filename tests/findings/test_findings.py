@@ -16,7 +16,7 @@ import pytest
 
 import hamel
 from codegen.loader import load as load_module
-from derive.diagnostics import ModelError
+from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.robots.reading import load
 from derive.states import system
@@ -143,3 +143,8 @@ def test_a_chain_of_oblique_frames_is_built_without_a_word_of_numpy(tmp_path):
 def test_many_four_bars_in_a_row_are_built(tmp_path):
     written_by("four_bars", "10", "nfb10.yaml", folder=tmp_path)
     hamel.simulate(tmp_path / "nfb10.yaml", time=0.1)
+
+
+def test_a_model_without_a_configuration_is_refused_in_words():
+    with pytest.raises(AssumptionError, match="no configuration near the initial values"):
+        hamel.check(HERE / "far_wheel.yaml")

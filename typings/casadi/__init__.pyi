@@ -49,6 +49,7 @@ OP_NOT: int
 OP_OR: int
 OP_OUTPUT: int
 OP_POW: int
+OP_REMAINDER: int
 OP_SIGN: int
 OP_SIN: int
 OP_SINH: int

@@ -37,12 +37,23 @@ def robot(
     if not result.bodies and not reading.problems:
         root.refuse("the file has no bodies", "<body> inside <worldbody>")
     known = tendons(reading, root, scene)
-    equalities(reading, root, known, scene)
-    actuators(reading, root, known, scene)
+    if not _is_off("equality", "equality", root, scene):
+        equalities(reading, root, known, scene)
+    if not _is_off("actuation", "actuator", root, scene):
+        actuators(reading, root, known, scene)
     reading.finish()
     sites(reading, scene)
     _notes(reading, root, scene)
     return result
+
+
+def _is_off(flag: str, section: str, root: Element, scene: Scene) -> bool:
+    """Whether the file switches off what a section holds; said where there is something."""
+    off = flag in scene.settings.off
+    count = sum(len(one.children) for one in root.all(section))
+    if off and count:
+        scene.robot.changed.append(f"switched off by a <flag>: <{section}>, {count} of them")
+    return off
 
 
 def _check_sections(reading: Reading, root: Element) -> None:

@@ -1,5 +1,5 @@
 """<actuator> and fixed <tendon>s: forces along joint coordinates, as inputs where they are plain
-motors, else by formula.
+motors, else by formula; activations as first-order states.
 
 A transmission has a length ℓ = gear · Σ cᵢ qᵢ (one joint, or the joints of a fixed tendon); a force
 f along it acts on joint i as gear · cᵢ · f. Motors at a site push and turn the site's body.
@@ -7,8 +7,9 @@ f along it acts on joint i as gear · cᵢ · f. Motors at a site push and turn 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from derive.robots.markup import Element
 from derive.robots.mjcf.bodies import Scene
@@ -19,19 +20,32 @@ from derive.robots.rotations import rotated
 
 Transmission = list[tuple[Joint, float]]
 CLAMPS = ("ctrlrange", "forcerange", "actrange")
+OWN = ("muscle", "adhesion")  # kinds with a law that no file writes out
+
+
+@dataclass(frozen=True)
+class Activation:
+    """a' = u, or (u − a)/τ with a time constant τ in seconds; the force takes a for u. A number
+    without a unit, so that gains have that of a force."""
+
+    lag: float | None
+
+    def rate(self, u: str, a: str) -> str:
+        return f"{u}/(1 s)" if self.lag is None else f"({u} - {a})/({written(self.lag)} s)"
 
 
 @dataclass(frozen=True)
 class Law:
-    """force = (g₀ + g₁ ℓ + g₂ dℓ/dt) u + b₀ + b₁ ℓ + b₂ dℓ/dt."""
+    """force = (g₀ + g₁ ℓ + g₂ dℓ/dt) u + b₀ + b₁ ℓ + b₂ dℓ/dt, with the activation for u where
+    there is one."""
 
     gain: Sequence[float]
     bias: Sequence[float]
+    activation: Activation | None = None
 
     @property
     def plain(self) -> bool:
-        """Whether the force is gain · control alone, without a term in length or velocity: then it
-        is an input."""
+        """Whether the force is gain · control alone, without a term in length or velocity."""
         return not any(self.gain[1:]) and not any(self.bias)
 
 
@@ -133,19 +147,11 @@ def actuators(
 
 
 def _law(reading: Reading, actuator: Element) -> Law | None:
-    """The force law of an actuator without states of its own; None after reporting another."""
+    """The force law of an actuator; None after reporting one that cannot be read."""
     kind = actuator.tag
-    states = (
-        actuator.get("dyntype", "none") not in ("none", "")
-        or scalar(reading, actuator, "timeconst") != 0.0
-    )
-    if kind not in ACTUATORS or kind in ("intvelocity", "cylinder", "muscle", "adhesion") or states:
-        why = f"a <{kind}> actuator" + (" with an activation" if states else "")
-        reading.report(
-            actuator,
-            f"{why}, which has a state or a law of its own",
-            "motor, position, velocity, damper, general",
-        )
+    if kind not in ACTUATORS or kind in OWN:
+        known = ", ".join(one for one in ACTUATORS if one not in OWN)
+        reading.report(actuator, f"a <{kind}> actuator, which has a law of its own", known)
         return None
     if "dampratio" in actuator.attributes and scalar(reading, actuator, "dampratio"):
         reading.report(
@@ -154,19 +160,45 @@ def _law(reading: Reading, actuator: Element) -> Law | None:
             "kv in numbers",
             attribute="dampratio",
         )
-    if kind == "motor":
-        return Law((1.0,), ())
-    kv = scalar(reading, actuator, "kv", 1.0 if kind != "position" else 0.0)
-    if kind == "position":
-        kp = scalar(reading, actuator, "kp", 1.0)
-        return Law((kp,), (0.0, -kp, -kv))
-    if kind == "velocity":
-        return Law((kv,), (0.0, 0.0, -kv))
-    return Law((0.0, 0.0, -kv), ()) if kind == "damper" else _general(reading, actuator)
+    if kind in ("general", "cylinder"):
+        return _general(reading, actuator) if kind == "general" else _cylinder(reading, actuator)
+    kp = scalar(reading, actuator, "kp", 1.0)
+    kv = scalar(reading, actuator, "kv", 1.0 if kind in ("velocity", "damper") else 0.0)
+    lag = scalar(reading, actuator, "timeconst")
+    laws = {
+        "motor": Law((1.0,), ()),
+        "position": Law((kp,), (0.0, -kp, -kv), Activation(lag) if lag > 0.0 else None),
+        "velocity": Law((kv,), (0.0, 0.0, -kv)),
+        "intvelocity": Law((kp,), (0.0, -kp, -kv), Activation(None)),
+        "damper": Law((0.0, 0.0, -kv), ()),
+    }
+    return laws[kind]
+
+
+def _cylinder(reading: Reading, actuator: Element) -> Law | None:
+    """Of pressure a: force area · a + bias, a' = (u − a)/timeconst."""
+    area = scalar(reading, actuator, "area", 1.0)
+    if "diameter" in actuator.attributes:
+        area = math.pi / 4.0 * scalar(reading, actuator, "diameter") ** 2
+    bias = (listing(reading, actuator, "bias") or [0.0])[:3]
+    activation = _filter(reading, actuator, scalar(reading, actuator, "timeconst", 1.0))
+    return activation and Law((area,), bias, activation)
+
+
+def _filter(reading: Reading, actuator: Element, lag: float) -> Activation | None:
+    if lag > 0.0:
+        return Activation(lag)
+    problem = f"an activation with the time constant {written(lag)} s"
+    reading.report(actuator, problem, "a positive one")
+    return None
 
 
 def _general(reading: Reading, actuator: Element) -> Law | None:
-    kinds = {"gaintype": ("fixed", "affine"), "biastype": ("none", "affine")}
+    kinds = {
+        "gaintype": ("fixed", "affine"),
+        "biastype": ("none", "affine"),
+        "dyntype": ("none", "integrator", "filter", "filterexact"),
+    }
     for attribute, allowed in kinds.items():
         if actuator.get(attribute, allowed[0]) not in allowed:
             reading.report(
@@ -179,7 +211,13 @@ def _general(reading: Reading, actuator: Element) -> Law | None:
     gain = (listing(reading, actuator, "gainprm") or [1.0])[:3]
     bias = (listing(reading, actuator, "biasprm") or [0.0])[:3]
     affine = actuator.get("biastype", "none") == "affine"
-    return Law(gain if actuator.get("gaintype") == "affine" else gain[:1], bias if affine else ())
+    law = Law(gain if actuator.get("gaintype") == "affine" else gain[:1], bias if affine else ())
+    dynamics = actuator.get("dyntype", "none")
+    if dynamics in ("none", "integrator"):
+        return replace(law, activation=Activation(None)) if dynamics == "integrator" else law
+    lag = (listing(reading, actuator, "dynprm") or [1.0])[0]
+    activation = _filter(reading, actuator, lag)
+    return activation and replace(law, activation=activation)
 
 
 def _transmitted(
@@ -231,7 +269,7 @@ def _at_joint(
     if joint.type in ONE_RATE:
         _along(reading, actuator, law, [(joint, gear[0])], scene)
     elif joint.type == "ball" and law.plain and "joint" in actuator.attributes:
-        name = _noted_input(reading, actuator, joint.name, scene)
+        name = _driver(reading, actuator, law, joint.name, scene)
         for rate, factor in zip(joint.rates(), gear):
             if factor * law.gain[0]:
                 _load(
@@ -239,7 +277,7 @@ def _at_joint(
                     actuator,
                     name,
                     f"velocity: {rate}",
-                    _times(_factor(factor * law.gain[0], ""), name),
+                    _times(_factor(factor * law.gain[0], " N*m" if law.activation else ""), name),
                     scene,
                 )
     else:
@@ -262,7 +300,7 @@ def _along(
         )
         return
     first = along[0][0].name
-    if law.plain and len(along) == 1:
+    if law.plain and not law.activation and len(along) == 1:
         factor = along[0][1] * law.gain[0]
         notes: list[str] = []
         name = _input(reading, actuator, first, notes)
@@ -271,18 +309,22 @@ def _along(
             Entry(name, f"{{joint: {first}{gear}}}", actuator, "; ".join(notes))
         )
     else:
-        name = _noted_input(reading, actuator, first, scene)
+        name = _driver(reading, actuator, law, first, scene)
         _by_formula(reading, actuator, name, law, along, name, scene)
 
 
-def _noted_input(reading: Reading, actuator: Element, target: str, scene: Scene) -> str:
-    """An input that formulas use."""
+def _driver(reading: Reading, actuator: Element, law: Law, target: str, scene: Scene) -> str:
+    """What the formulas of a force use: an input, or the activation that follows it."""
     notes: list[str] = []
     name = _input(reading, actuator, target, notes)
     scene.robot.inputs.append(
         Entry(name, "{}", actuator, "; ".join([*notes, f"a <{actuator.tag}> of the file"]))
     )
-    return name
+    if law.activation is None:
+        return name
+    own = reading.symbols(f"{name}_activation", "state")
+    scene.robot.states.append(Entry(own, f"{{rate: {law.activation.rate(name, own)}}}", actuator))
+    return own
 
 
 def _by_formula(
@@ -296,10 +338,10 @@ def _by_formula(
 ) -> None:
     """cᵢ · law for every joint, multiplied out so that every coefficient can have its unit."""
     for joint, c in along:
-        gain = _affine(law.gain, c, along, lambda unit: "")
+        force = " N*m" if joint.type == "revolute" else " N"
+        gain = _affine(law.gain, c, along, force if law.activation else None)
         terms = [_times(term, u) for term in gain] if u else []
-        force = "N*m" if joint.type == "revolute" else "N"
-        terms += _affine(law.bias, c, along, lambda unit, force=force: f" {force}{unit}")
+        terms += _affine(law.bias, c, along, force)
         _load(reading, element, name, f"joint: {joint.name}", " + ".join(terms), scene)
 
 
@@ -307,17 +349,16 @@ def _times(term: str, u: str) -> str:
     return u if term == "1" else f"{term}*{u}"
 
 
-def _affine(
-    k: Sequence[float], c: float, along: Transmission, unit: Callable[[str], str]
-) -> list[str]:
-    """c (k₀ + k₁ ℓ + k₂ dℓ/dt) in terms of the joints; `unit` completes the unit of a
-    coefficient."""
+def _affine(k: Sequence[float], c: float, along: Transmission, unit: str | None) -> list[str]:
+    """c (k₀ + k₁ ℓ + k₂ dℓ/dt) in terms of the joints; `unit` is that of the sum, None where its
+    coefficients are to have none."""
     k0, k1, k2 = [*k, 0.0, 0.0, 0.0][:3]
-    terms = [_factor(c * k0, unit(""))] if k0 else []
+    terms = [_factor(c * k0, unit or "")] if k0 else []
     for joint, other in along:
         per = "rad" if joint.type == "revolute" else "m"
-        terms += [f"{_factor(c * k1 * other, unit(f'/{per}'))}*{joint.name}"] if k1 else []
-        terms += [f"{_factor(c * k2 * other, unit(f'*s/{per}'))}*der({joint.name})"] if k2 else []
+        stiff, viscous = ("", "") if unit is None else (f"{unit}/{per}", f"{unit}*s/{per}")
+        terms += [f"{_factor(c * k1 * other, stiff)}*{joint.name}"] if k1 else []
+        terms += [f"{_factor(c * k2 * other, viscous)}*der({joint.name})"] if k2 else []
     return terms
 
 
@@ -345,13 +386,15 @@ def _at_site(
         reading.report(actuator, "an actuator that follows a site", "a motor that pushes at a site")
         return
     body, frame = scene.sites[actuator.get("site")]
-    name = _noted_input(reading, actuator, actuator.get("site"), scene)
+    name = _driver(reading, actuator, law, actuator.get("site"), scene)
     gear = [law.gain[0] * g for g in [*gear, *[0.0] * 6][:6]]
     at = ", ".join(written(x) for x in frame.at)
-    for kind, place, part in (("force", f"at: [{at}], ", gear[:3]), ("torque", "", gear[3:])):
+    parts = (("force", f"at: [{at}], ", gear[:3], " N"), ("torque", "", gear[3:], " N*m"))
+    for kind, place, part, unit in parts:
         if any(part):
+            own = unit if law.activation else ""
             components = ", ".join(
-                _times(_factor(x, ""), name) if x else "0" for x in rotated(frame.turn, part)
+                _times(_factor(x, own), name) if x else "0" for x in rotated(frame.turn, part)
             )
             text = f"{{type: {kind}, body: {body}, {place}components: [{components}], frame: body}}"
             scene.robot.loads.append(

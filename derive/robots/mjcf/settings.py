@@ -178,22 +178,12 @@ def _option(reading: Reading, option: Element, found: Settings) -> None:
     found.gravity = vector(reading, option, "gravity", found.gravity)
     for flag in option.all("flag"):
         found.off |= {name for name, state in flag.attributes.items() if state == "disable"}
-        if "gravity" in found.off:
-            found.gravity = (0.0, 0.0, 0.0)
-        for name, what in (
-            ("equality", "equality constraints"),
-            ("constraint", "constraints"),
-            ("actuation", "actuators"),
-        ):
-            if name in found.off:
-                reading.report(
-                    flag,
-                    f"{what} that are switched off",
-                    f"{what} that act, or none",
-                    attribute=name,
-                )
+    if "gravity" in found.off:
+        found.gravity = (0.0, 0.0, 0.0)
     if "passive" in found.off:  # the two together, in older versions
         found.off |= {"spring", "damper"}
+    if "constraint" in found.off:
+        found.off |= {"equality", "frictionloss"}
 
 
 def _defaults(reading: Reading, default: Element, found: Settings) -> None:

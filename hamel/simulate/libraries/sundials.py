@@ -66,7 +66,7 @@ def _idas(problem: Problem) -> Run:
         "x": ca.vertcat(system.q, system.v), "z": ca.vertcat(mu, lam), "t": system.t,
         "u": system.u, "p": system.p,
         "ode": ca.vertcat(qdot, vdot),
-        "alg": ca.vertcat(phi, ca.mtimes(A, system.v) - system.c[rows]),
+        "alg": ca.vertcat(phi, ca.mtimes(A, system.v) - system.c[rows, :]),
         "quad": equations.function("power").result.value,
     }  # fmt: skip
     t, module = float(problem.times[0]), problem.module

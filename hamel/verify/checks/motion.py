@@ -237,17 +237,15 @@ def end_of(e: Evidence, s: Sample, x: Array, span: float) -> Array:
 
 def _end(e: Evidence, s: Sample, run: Any, t: float) -> Array:
     """(q, v, z) where a motion ends; modules of several charts give v themselves, for x may be in
-    any
-    of them, and a frame that was based anew stands with the parameters of the row."""
+    any of them, and a frame that was based anew stands with the parameters of the row."""
     assert e.module is not None
     x, v, p = run.x[-1], getattr(run, "v", None), getattr(run, "p", None)
+    q, z = x[: len(s.q)], x[len(x) - len(s.z) :]
     if v is not None:
-        return np.concatenate([x[: len(s.q)], v[-1]])
+        return np.concatenate([q, v[-1], z])
     if p is not None:
-        z = x[len(x) - len(s.z) :]
-        return np.concatenate([x[: len(s.q)], e.module.velocity(t, x, s.u, p[-1]), z])
-    z = x[len(x) - len(s.z) :]
-    return np.concatenate([x[: len(s.q)], e.graph("velocity", t, x, s.u, s.p), z])
+        return np.concatenate([q, e.module.velocity(t, x, s.u, p[-1]), z])
+    return np.concatenate([q, e.graph("velocity", t, x, s.u, s.p), z])
 
 
 def _apart(e: Evidence, got: Array, wanted: Array) -> float:

@@ -9,7 +9,8 @@ it. The estimate draws a number σ between -1 and 1 for every operation,
     δz = ∂f/∂a δa + ∂f/∂b δb + σ ε |z|,           (to first order; Parker, Monte Carlo arithmetic)
 and takes the largest of several draws, which is never above the bound.
 Two orderings of the same sums and products agree within a small multiple of either, a wrong sign
-does not.
+does not. For that a sum counts as large as its largest term in the bound: a − b of two near numbers
+is exact, but a − b + c may be added up as a + c − b, which is not.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ Array = np.ndarray
 EPSILON = float(np.finfo(float).eps) / 2
 DRAWS = 8  # the largest of them is below an eighth of the standard deviation once in 10⁸ times
 EXACT = (ca.OP_NEG, ca.OP_TWICE, ca.OP_FABS, ca.OP_ASSIGN)
+SUMS = (ca.OP_ADD, ca.OP_SUB)
 
 # operands → z, then ∂z/∂operand of each; the rest is differentiated by CasADi
 COMMON: dict[int, Callable[..., tuple]] = {
@@ -58,7 +60,11 @@ def bound(arguments: list[ca.SX], value: ca.SX, states: Array, real: Real = FLOA
     def passed(slope: Any, error: Array) -> Array:
         return abs(slope) * error
 
-    errors = _Errors(lambda _: nothing, lambda x: nothing + _lost(x, real), passed, _unit)
+    def added(code: int, z: Array, operands: list[Array]) -> Array:
+        terms = operands if code in SUMS else []
+        return EPSILON * np.max(np.abs([z, *terms]), axis=0)
+
+    errors = _Errors(lambda _: nothing, lambda x: nothing + _lost(x, real), passed, added)
     return _carried(arguments, value, states, errors, nothing)
 
 
@@ -79,17 +85,13 @@ def estimate(
     def number(constant: float) -> Array:
         return drawn(np.full(len(states), _lost(constant, real)))
 
-    errors = _Errors(argument, number, np.multiply, lambda z: drawn(_unit(z)))
+    errors = _Errors(argument, number, np.multiply, lambda _, z, __: drawn(EPSILON * abs(z)))
     return np.max(np.abs(_carried(arguments, value, states, errors, nothing)), axis=0)
 
 
 def _lost(number: float, real: Real) -> float:
     """What a number may be off by where `real` cannot hold it."""
     return EPSILON * abs(number) if real.nearest(number) != number else 0.0
-
-
-def _unit(z: Array) -> Array:
-    return EPSILON * abs(z)
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ class _Errors:
     argument: Callable[[Array], Array]
     number: Callable[[float], Array]
     passed: Callable[[Any, Array], Array]
-    added: Callable[[Array], Array]
+    added: Callable[[int, Array, list[Array]], Array]
 
 
 def _carried(
@@ -113,7 +115,9 @@ def _carried(
         z, *slopes = formula(read.code, len(operands))(*(value for value, _ in operands))
         parts = [errors.passed(slope, error) for slope, (_, error) in zip(slopes, operands)]
         total = parts[0] if len(parts) == 1 else parts[0] + parts[1]
-        return z, total if read.code in EXACT else total + errors.added(z)
+        if read.code in EXACT:
+            return z, total
+        return z, total + errors.added(read.code, z, [value for value, _ in operands])
 
     with np.errstate(all="ignore"):
         (results,) = run(

@@ -3,45 +3,66 @@ each."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import casadi as ca
+import numpy as np
 
 from derive.expressions.instructions import Instruction, Listing, listing, run
 from derive.formulations.records import Equations, Function
 from derive.mechanics.records import System
+from derive.states.sampling import States, states
 
 SWAPPED = {
     ca.OP_ADD: ca.OP_SUB, ca.OP_SUB: ca.OP_ADD, ca.OP_MUL: ca.OP_DIV, ca.OP_DIV: ca.OP_MUL,
     ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN, ca.OP_SQ: ca.OP_TWICE, ca.OP_TWICE: ca.OP_SQ,
 }  # fmt: skip
 LEAVES = (ca.OP_CONST, ca.OP_INPUT)
+DRAWS = 3  # of admissible states, at which entries are looked at
+ROUNDING = 1e-10  # an entry below this at all of them is rounding
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Admissible states, which tell what of a term is more than rounding."""
+
+    system: System
+    states: States
+
+    def entries(self, matrix: ca.SX) -> list[tuple[int, int]]:
+        """Places of what is more than rounding, row by row: an error in rounding is none."""
+        s, found = self.system, self.states
+        at = ca.Function("entries", [s.t, s.q, s.v, s.u, s.p], [ca.densify(matrix)])
+        rows = [np.array(at(*row)) for row in zip(found.t, found.q, found.v, found.u, found.p)]
+        sizes = np.max([np.nan_to_num(np.abs(row), nan=np.inf) for row in rows], axis=0)
+        return [(int(i), int(j)) for i, j in np.argwhere(sizes > ROUNDING)]
 
 
 def wrong_systems(system: System) -> Iterator[tuple[str, System]]:
     """(what is wrong, the system with it): one per term of the equations, where the model has the
     term."""
+    seen = _Seen(system, states(system, DRAWS))
     still = ca.substitute(system.h, system.v, ca.SX.zeros(system.v.numel()))
     errors = {
-        "gravity": ("h", system.h - 2 * _one_entry(still)),
-        "velocity products": ("h", system.h - 2 * _one_entry(system.h - still)),
-        "applied force": ("Q", system.Q - 2 * _one_entry(system.Q)),
-        "mass": ("M", _with_first(system.M, 1.001)),
-        "mass on one side": ("M", _with_one(system.M, 1.001)),
+        "gravity": ("h", system.h - 2 * _one_entry(seen, still)),
+        "velocity products": ("h", system.h - 2 * _one_entry(seen, system.h - still)),
+        "applied force": ("Q", system.Q - 2 * _one_entry(seen, system.Q)),
+        "mass": ("M", _with_first(seen, system.M, 1.001)),
+        "mass on one side": ("M", _with_one(seen, system.M, 1.001)),
         "negative mass": ("M", -system.M),
         "kinematics": ("N", -system.N),
-        "rates": ("qdot", _with_first(system.qdot, -1.0)),
+        "rates": ("qdot", _with_first(seen, system.qdot, -1.0)),
         "position": (
             "phi",
-            system.phi + _one_entry(0.001 * system.phi * system.q[0])
+            system.phi + _first_row(0.001 * system.phi * system.q[0])
             if system.phi.numel()
             else system.phi,
         ),
-        "constraint row": ("A", _with_first(system.A, -1.0)),
+        "constraint row": ("A", _with_first(seen, system.A, -1.0)),
         "constraint value": ("c", -system.c),
-        "constraint drift": ("beta", system.beta - 2 * _one_entry(system.beta)),
+        "constraint drift": ("beta", system.beta - 2 * _one_entry(seen, system.beta)),
         "kinetic energy": ("T", 1.001 * system.T),
         "potential energy": ("V", -system.V),
         "power": ("power", -system.power),
@@ -51,34 +72,33 @@ def wrong_systems(system: System) -> Iterator[tuple[str, System]]:
             yield name, replace(system, **{term: value})
 
 
-def _one_entry(column: ca.SX) -> ca.SX:
-    """The column with all but its first nonzero entry left out."""
-    places = [i for i in range(column.numel()) if not ca.SX(column[i]).is_zero()]
+def _first_row(column: ca.SX) -> ca.SX:
+    """The column with all but its first entry left out."""
+    return ca.vertcat(column[0], ca.SX.zeros(column.numel() - 1))
+
+
+def _one_entry(seen: _Seen, column: ca.SX) -> ca.SX:
+    """The column with all but its first entry left out that is more than rounding."""
     result = ca.SX.zeros(column.numel())
-    if places:
-        result[places[0]] = column[places[0]]
+    for i, j in seen.entries(column)[:1]:
+        result[i, j] = column[i, j]
     return result
 
 
-def _with_first(matrix: ca.SX, factor: float) -> ca.SX:
-    """The matrix with its first nonzero entry multiplied."""
-    result = ca.SX(matrix)
-    for i in range(result.size1()):
-        for j in range(result.size2()):
-            if not ca.SX(result[i, j]).is_zero():
-                result[i, j] = factor * result[i, j]
-                return result
-    return result
+def _with_first(seen: _Seen, matrix: ca.SX, factor: float) -> ca.SX:
+    """The matrix with its first entry multiplied."""
+    return _multiplied(matrix, seen.entries(matrix), factor)
 
 
-def _with_one(matrix: ca.SX, factor: float) -> ca.SX:
+def _with_one(seen: _Seen, matrix: ca.SX, factor: float) -> ca.SX:
     """The matrix with one entry above the diagonal multiplied."""
+    return _multiplied(matrix, [(i, j) for i, j in seen.entries(matrix) if i < j], factor)
+
+
+def _multiplied(matrix: ca.SX, places: Sequence[tuple[int, int]], factor: float) -> ca.SX:
     result = ca.SX(matrix)
-    for i in range(result.size1()):
-        for j in range(i + 1, result.size2()):
-            if not ca.SX(result[i, j]).is_zero():
-                result[i, j] = factor * result[i, j]
-                return result
+    for i, j in places[:1]:
+        result[i, j] = factor * result[i, j]
     return result
 
 

@@ -12,6 +12,8 @@ from derive.expressions import tree
 from derive.model.records import Body, Model
 from hamel.verify.reference.formulas import evaluated, lookup, symbolic
 from hamel.verify.reference.states import State
+from hamel.verify.reference.tables import numeric
+from hamel.verify.reference.tables import symbolic as symbolic_tables
 
 
 def lost(model: Model, name: str, state: State) -> Body:
@@ -26,15 +28,16 @@ def lost(model: Model, name: str, state: State) -> Body:
 
 
 def _rate(model: Model, formula: tree.Expression, state: State) -> tree.Expression:
-    """∂/∂t of a formula of parameters, t and definitions of these."""
+    """∂/∂t of a formula of parameters, t, tables and definitions of these."""
+    functions = {**symbolic(), **symbolic_tables(model.tables)}
     t = sympy.Symbol("t")
     names: dict[str, Any] = {**state.names, "t": t}
     definitions = dict(model.definitions)
     for name in _needed(formula, definitions):
-        names[name] = evaluated(definitions[name], lookup(names, {}), symbolic())
-    read: Any = sympy.sympify(evaluated(formula, lookup(names, {}), symbolic()))
-    slope: Any = read.diff(t)
-    return tree.Number(float(slope.subs(t, state.names["t"])))
+        names[name] = evaluated(definitions[name], lookup(names, {}), functions)
+    read: Any = sympy.sympify(evaluated(formula, lookup(names, {}), functions))
+    slope: Any = sympy.lambdify([t], read.diff(t), [numeric(model.tables), "numpy"])
+    return tree.Number(float(slope(state.names["t"])))
 
 
 def _needed(formula: tree.Expression, definitions: Mapping[str, tree.Expression]) -> list[str]:

@@ -21,7 +21,7 @@ NUMERIC: dict[str, Callable[..., Any]] = {
     "atanh": np.arctanh,
     "exp": np.exp, "log": np.log, "ln": np.log, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign,
     "hypot": np.hypot,
-    "step": lambda x, w=None: float(x >= 0) if w is None else 1 / (1 + np.exp(-2 * x / w)),
+    "step": lambda x, w=None: float(x >= 0) if w is None else (1 + np.tanh(x / w)) / 2,
     "ramp": lambda x, w=None: max(x, 0.0) if w is None else x / 2 + np.hypot(x, w) / 2,
     "clip": lambda x, a, b, w=None: min(max(x, a), b) if w is None else (
         a + (x - a + np.hypot(x - a, w)) / 2 - (x - b + np.hypot(x - b, w)) / 2

@@ -47,9 +47,7 @@ class Run:
 
 def check(subject: Subject) -> Iterator[CheckResult]:
     """ToolchainError without one of the tools."""
-    for tool in TOOLS:
-        if shutil.which(tool) is None:
-            raise ToolchainError(f"{tool} is not installed", INSTALL)
+    _demand_tools()
     with tempfile.TemporaryDirectory() as base:
         folder = Path(base) / subject.name
         shutil.copytree(subject.folder, folder)
@@ -59,8 +57,16 @@ def check(subject: Subject) -> Iterator[CheckResult]:
             yield from _outcomes(subject, place, processor, short, names)
 
 
+def _demand_tools() -> None:
+    for tool in TOOLS:
+        if shutil.which(tool) is None:
+            raise ToolchainError(f"{tool} is not installed", INSTALL)
+
+
 def measured(subject: Subject, processor: str) -> Run:
-    """What the functions cost there: instructions of a call, bytes of stack."""
+    """What the functions cost there: instructions of a call, bytes of stack. ToolchainError without
+    one of the tools."""
+    _demand_tools()
     with tempfile.TemporaryDirectory() as base:
         folder = Path(base) / subject.name
         shutil.copytree(subject.folder, folder)

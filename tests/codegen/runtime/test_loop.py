@@ -98,6 +98,7 @@ def facts(**changes: Any) -> Facts:
         real=float,
         nx=2,
         nq=1,
+        nz=0,
         inputs=("F",),
         methods=METHODS,
         enforcements=("none", "partitioning"),

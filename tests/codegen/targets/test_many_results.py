@@ -22,11 +22,12 @@ from codegen.loader import part
 from codegen.program import Program
 from codegen.targets.c import APART, FOUR, MANY, _stretches
 from derive.formulations import equations
-from derive.model import load_text
+from derive.model import load, load_text
 from derive.states import system
 from hamel.build.module import published
 from hamel.build.stages import program_of
 
+ROOT = Path(__file__).parents[3]
 N = 5
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only")
 
@@ -119,6 +120,14 @@ def test_an_overflow_in_the_columns_of_one_link_is_seen(module: ModuleType, link
     x[N + link] = 1e200  # its square is infinite
     with pytest.raises(FloatingPointError, match="not finite"):
         module.regressor(0.0, x)
+
+
+def test_zeros_by_fours_where_parameters_are_precomputed_apart():
+    """What is computed of parameters alone leaves a function whose zeros only the rest writes."""
+    found = equations(system(load(ROOT / "models/stanford_arm.yaml")))
+    text = emit(program_of(found, ("dynamics", "derivatives")))["stanford_arm.c"]
+    assert "stanford_arm_zeros(out" in text
+    assert "static inline void stanford_arm_zeros(" in text
 
 
 @pytest.mark.parametrize("apart", [1, APART])

@@ -40,6 +40,7 @@ from derive.expressions.units import (
         ("deg", math.pi / 180, "rad"),
         ("rev", 2 * math.pi, "rad"),
         ("rpm", 2 * math.pi / 60, "rad/s"),
+        ("bar", 1e5, "Pa"),
         ("deg/s", math.pi / 180, "rad/s"),
         ("kN", 1e3, "N"),
         ("mN*m", 1e-3, "N*m"),

@@ -88,8 +88,8 @@ def test_the_rate_of_mass_w_is_c_and_its_transpose(name):
     rate = ca.reshape(ca.jtimes(ca.vec(M), x[:nq, 0], qdot), *M.shape)
     gap = ca.Function("gap", [slot.symbols for slot in found.arguments], [rate - C - C.T, C])
     for at in places(found):
-        left, size = gap(*at)
-        assert np.abs(left).max() <= 1e-10 * (1.0 + np.abs(np.array(size)).max())
+        left, size = map(np.array, gap(*at))
+        assert np.abs(left).max() <= 1e-10 * (1.0 + np.abs(size).max())
 
 
 def test_of_redundant_inputs_the_least_is_given():

@@ -46,7 +46,7 @@ def test_a_module_without_a_named_choice_goes_on_where_partitions_fail_together(
     start = initial_state(made.system)
     u, p = np.zeros(made.system.u.numel()), np.array(made.parameters)
     with temporary_module(made) as module:
-        x, chart, p = charts.start(module, start.q, start.v, u, p)
+        x, chart, p = charts.start(module, start, u, p)
         course = module.simulate(np.linspace(0.0, 3.0, 61), x, u, p, chart=chart)
         assert course.status.name == "OK" and course.t[-1] == 3.0
         assert 1 in course.chart and course.position_violation < 1e-10

@@ -19,6 +19,7 @@ from derive.formulations.records import Equations
 from derive.model import load, load_text
 from derive.states import sampling, system
 from hamel.build import pipeline
+from hamel.build.stages import program_of
 from tests.scenes import MODELS
 
 DENSE = (
@@ -254,3 +255,16 @@ def test_what_is_not_there_cannot_be_asked_for() -> None:
     asked = {request.name: request for request in equations(system(load_text(still))).requests}
     with pytest.raises(AssumptionError, match="does not depend on the parameters"):
         _ = asked["jacobian_p_values"].function
+
+
+def test_the_only_row_may_say_nothing() -> None:
+    """A wheel whose point never moves: of its row no multiplier is left."""
+    text = """model: still
+plane: xy
+bodies: {c: {mass: 1, inertia: 0.1}}
+joints: {C: {type: revolute, parent: ground, child: c}}
+constraints: {e: {type: no_slip, body: c, direction: y}}
+inputs: {u: {joint: C}}
+"""
+    program = program_of(equations(system(load_text(text))), ("jacobian", "derivatives"))
+    assert program.kernel("jacobian").outputs == (0.0, 1.0, 0.0, 0.0)

@@ -56,9 +56,13 @@ initial: {x: 0 m}
 """
 
 
-def test_declared_quasi_velocities_are_held_as_what_they_stand_for() -> None:
-    """Their formulas written out give the same motion and the same matrices."""
-    short = SLED.replace("HELD", "body.speed: V, spin: 2*W, rel: 0, guess: {other.speed: 3 m/s}")
+@pytest.mark.parametrize("spin", ["2*r.w", "2*der(a)"])
+def test_declared_quasi_velocities_are_held_as_what_they_stand_for(spin: str) -> None:
+    """Their formulas written out give the same motion and the same matrices, also those of rates
+    of coordinates, which were once taken for nothing."""
+    short = SLED.replace("2*r.w", spin).replace(
+        "HELD", "body.speed: V, spin: 2*W, rel: 0, guess: {other.speed: 3 m/s}"
+    )
     long = SLED.replace("HELD", "r.vx: V, r.w: W, der(p): 0, guess: {der(x): 1 m/s}")
     at = {"V": 2.0, "W": 0.3}
     along = {"V": np.array([1.5, 2.5])}

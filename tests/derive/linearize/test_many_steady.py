@@ -1,6 +1,6 @@
 """Steady motions found all at once are those found one after the other.
 
-Of derive.linearize: many.
+Of derive.linearize: many, together.
 """
 
 from __future__ import annotations

@@ -112,3 +112,12 @@ def test_what_is_not_clear_is_refused(old: str, new: str, said: str) -> None:
 def test_roads_that_differentiate_momenta_are_refused(tmp_path: Path) -> None:
     with pytest.raises(AssumptionError, match="the mass of 'rocket' depends on t"):
         hamel.derive(ROCKET, road=("boltzmann_hamel",), out=tmp_path)
+
+
+@pytest.mark.slow
+def test_a_mass_by_a_table_is_verified(tmp_path: Path) -> None:
+    """Thrust from a curve of what is burnt: verify once ended in an internal error."""
+    file = tmp_path / "up.yaml"
+    table = "tables: {left: {points: [[0, 500], [2, 480], [9, 300], [10, 300]], units: [s, kg], smooth: C1}}\nbodies:"
+    file.write_text(UP.replace("m0 - flow*t", "left(t)").replace("bodies:", table))
+    assert hamel.verify(file, states=5).passed

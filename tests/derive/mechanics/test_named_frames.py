@@ -123,7 +123,9 @@ def worst(found: Equations, gap: ca.SX) -> float:
         x = rng.normal(size=slots[1].numel())
         for start in found.system.quaternions:
             x[start : start + 4] /= np.linalg.norm(x[start : start + 4])
-        largest = max(largest, float(np.abs(at(0.0, x, 0.3, list(found.parameters))).max()))
+        largest = max(
+            largest, float(np.abs(np.array(at(0.0, x, 0.3, list(found.parameters)))).max())
+        )
     return largest
 
 

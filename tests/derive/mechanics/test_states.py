@@ -6,6 +6,8 @@ Of derive.textbook: states.
 Of hamel.verify.reference: stores.
 """
 
+import functools
+import importlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,6 +34,7 @@ from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import results
 
 MOTOR = (Path(__file__).parents[3] / "models/gallery/dc_motor.yaml").read_text("utf-8")
+SNAKE = (Path(__file__).parents[3] / "models/snake3.yaml").read_text("utf-8")
 TIED = """
 model: tied
 plane: xy
@@ -189,6 +192,13 @@ def test_every_enforcement_carries_states(formulation: str) -> None:
     assert np.abs(ends["projection"][-2:] - x[-2:]).min() > 5e-3
 
 
+LAGGING = SNAKE.replace(
+    "inputs: {tau1: {joint: hinge1}, tau2: {joint: hinge2}}",
+    """inputs: {order: {unit: N*m}}
+states: {torque: {rate: (order - torque)/(0.5 s) - der(phi1)*(0.1 N*m), unit: N*m}}
+loads: {motor: {type: expression, joint: hinge1, expression: torque}}""",
+)
+
 COIL = """
 model: coil
 plane: xy
@@ -225,10 +235,61 @@ def test_energy_that_states_store_is_held_with_the_rest(name: str) -> None:
     assert "energy is not conserved" in enforcement.refusal(flowing, Options())
 
 
-def test_charts_do_not_carry_states_and_say_so() -> None:
-    found = equations(system(load_text(TIED)))
-    with pytest.raises(AssumptionError, match="charts do not carry first-order states"):
-        equations(found.system, "q_dot+s_dot")
+@pytest.mark.slow
+def test_charts_carry_states_there_and_back() -> None:
+    """z is the same in all charts, of one state and of many; verify looks at every chart."""
+    mechanics = system(load_text(TIED))
+    several = equations(mechanics, "s_dot+q_dot", moving=True)
+    with temporary_module(several) as module:
+        assert module.chart_states[1] == ("s", "q", "q_dot", "act", "heat")
+        x, p = np.array([0.05 * np.sin(0.3), 0.3, 0.7, 0.4, 1.3]), module.defaults
+        there = module.transform(0, 1, 0.0, x, [0.2], p)
+        np.testing.assert_array_equal(there[3:], x[3:])
+        np.testing.assert_allclose(module.transform(1, 0, 0.0, there, [0.2], p), x, atol=1e-14)
+        many = module.transform("s_dot", "q_dot", 0.0, np.tile(x, (3, 1)), [0.2], p)
+        np.testing.assert_array_equal(many, np.tile(there, (3, 1)))
+        seen = evidence(reference(mechanics.model), several, module, 4, 0, several.charts)
+        failed = [result.name for result in results(seen) if not result.passed]
+        assert not failed, failed
+
+
+@pytest.mark.slow
+def test_a_motion_takes_states_through_charts() -> None:
+    """s = r sin q turns back where cos q = 0: there der(s) is no quasi-velocity, and z goes on in
+    the other chart. The end is that of the choice that is regular everywhere, in C and in NumPy."""
+    mechanics = system(load_text(TIED))
+    qvz = initial_state(mechanics, {"der(q)": 9.0}).whole
+    u, ends = [0.8], list[np.ndarray]()
+    with temporary_module(equations(mechanics, "q_dot")) as module:
+        alone = module.simulate([0.0, 0.6], module.state(0.0, qvz, u), u, rtol=1e-10)
+        ends.append(np.delete(alone.x[-1], 2))
+    with temporary_module(equations(mechanics, "s_dot+q_dot")) as module:
+        simulate = importlib.import_module(f"{module.__name__}._simulate")
+        x, p = module.state(0.0, qvz, u), np.array(module.defaults)
+        numpy = functools.partial(simulate.run, simulate.advance, "numpy")
+        for course in (
+            module.simulate([0.0, 0.6], x, u, p, rtol=1e-10, atol=1e-12),
+            numpy([0.0, 0.6], x, u, p, 1e-10, 1e-12, None, 10_000, None),
+        ):
+            assert course.switches == 1
+            ends.append(np.delete(course.x[-1], 2))
+    np.testing.assert_allclose(ends[1:], [ends[0]] * 2, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_directions_that_are_based_anew_carry_states(tmp_path: Path) -> None:
+    """The snake with a motor that lags: along its orthonormal directions as in those of the file."""
+    file = tmp_path / "snake.yaml"
+    file.write_text(LAGGING)
+    there, wanted = (
+        hamel.simulate(file, choice=choice, time=5.0, values={"base.vx": 0.3, "order": 0.05})
+        for choice in ("orthonormal", "head")
+    )
+    assert [switch.entered for switch in there.switches] == ["orthonormal (base 2)"]
+    assert there.energy_balance < 1e-9
+    for name in ("x", "y", "th", "phi1", "phi2", "torque"):
+        np.testing.assert_allclose(there.motion[name], wanted.motion[name], atol=1e-7)
+    assert np.ptp(there.motion["torque"]) > 0.01
 
 
 @pytest.mark.parametrize(

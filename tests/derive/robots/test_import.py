@@ -403,7 +403,9 @@ def test_equalities_of_fixed_tendons_tie_their_joints(tmp_path):
     a, b, c = q = (0.3, 0.9, -0.1)
     length, other = a - 3 * (c - 0.2), 2 * (b - 0.5)
     wanted = [length - 0.1, other - (0.5 * length + 0.25 * length**2)]
-    assert np.ravel(ca.Function("phi", [s.q], [s.phi])(q)) == pytest.approx(wanted, abs=1e-12)
+    assert np.array(ca.Function("phi", [s.q], [s.phi])(q)).ravel() == pytest.approx(
+        wanted, abs=1e-12
+    )
 
 
 def test_masses_and_weights_are_scaled_to_the_total_that_is_asked_for(tmp_path):
@@ -438,6 +440,51 @@ def test_flags_switch_springs_dampers_and_friction_off(tmp_path):
         assert {"spring:", "damper:", "friction:"} - set(imported(file).text.split()) >= {
             f"{gone}:"
         }
+
+
+DRIVEN = """<mujoco>{option}<worldbody><body><joint name="h" axis="0 1 0" frictionloss="3"/>
+<geom size=".1" mass="1" pos=".1 0 .2"/><body><joint name="s" type="slide"/><geom size="1"/></body>
+</body></worldbody><equality><joint joint1="h" joint2="s"/></equality><actuator>
+<general name="f" joint="h" dyntype="filter" dynprm=".05" gainprm="3" biastype="affine"
+ biasprm="0 -2 -.1"/><intvelocity name="i" joint="s" kp="4"/><position name="p" joint="h" kp="2"
+ timeconst=".1"/><cylinder name="c" joint="s" diameter="2" timeconst=".2" bias="1 0 -2"/>
+</actuator></mujoco>"""
+
+
+def test_activations_are_first_order_states(tmp_path):
+    """MuJoCo's formulas: a' = u or (u − a)/τ, force = gain a + bias."""
+    file = tmp_path / "m.xml"
+    file.write_text(DRIVEN.format(option='<option><flag constraint="disable"/></option>'))
+    s = system(load(file))
+    at = ca.Function("at", [s.q, s.v, s.z, s.u], [s.Q, s.zdot])
+    q, v, a, u = [0.3, 0.2], [0.5, -0.4], [0.7, -0.2, 0.9, 0.1], [1.0, 2.0, 3.0, 4.0]
+    forces, rates = (np.array(x).ravel() for x in at(q, v, a, u))
+    assert rates == pytest.approx(
+        [(u[0] - a[0]) / 0.05, u[1], (u[2] - a[2]) / 0.1, (u[3] - a[3]) / 0.2], rel=1e-13
+    )
+    turning = 3 * a[0] - 2 * q[0] - 0.1 * v[0] + 2 * a[2] - 2 * q[0]
+    sliding = 4 * a[1] - 4 * q[1] + np.pi * a[3] + 1 - 2 * v[1]
+    assert forces == pytest.approx([turning, sliding], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "flag, gone",
+    [
+        ("constraint", {"constraints:", "friction:"}),
+        ("equality", {"constraints:"}),
+        ("actuation", {"inputs:", "states:", "loads:"}),
+    ],
+)
+def test_what_a_flag_switches_off_is_left_out(flag, gone, tmp_path):
+    file = tmp_path / "m.xml"
+    file.write_text(DRIVEN.format(option=""))
+    before = set(imported(file).text.split())
+    file.write_text(DRIVEN.format(option=f'<option><flag {flag}="disable"/></option>'))
+    text = imported(file).text
+    assert gone <= before and not gone & set(text.split())
+    assert (
+        f"switched off by a <flag>: <{'actuator' if flag == 'actuation' else 'equality'}>" in text
+    )
 
 
 def test_included_files_and_frames_are_read_in_place(tmp_path):
@@ -891,13 +938,16 @@ BAD = {
         '<mujoco><worldbody><body><joint springdamper="0.1 1"/><geom size="1"/></body></worldbody></mujoco>',
         ["a spring and damper by time constant", "stiffness and damping in numbers"],
     ),
-    "actuators that are off": (
-        "<mujoco><option><flag actuation='disable'/></option><worldbody/></mujoco>",
-        ["actuators that are switched off"],
-    ),
     "a muscle": (
         ONE_BODY.format('<geom size="1"/>', '<actuator><muscle joint="j"/></actuator>'),
-        ["a <muscle> actuator", "which has a state or a law of its own"],
+        ["a <muscle> actuator", "which has a law of its own"],
+    ),
+    "a filter without a time": (
+        ONE_BODY.format(
+            '<geom size="1"/>',
+            '<actuator><general joint="j" dyntype="filter" dynprm="0"/></actuator>',
+        ),
+        ["an activation with the time constant 0", "a positive one"],
     ),
     "an unknown joint": (
         ONE_BODY.format('<geom size="1"/>', '<actuator><motor joint="jj"/></actuator>'),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from derive.diagnostics import AssumptionError
-from derive.model import load_text
+from derive.model import load, load_text
 from derive.states import system
-from derive.states.sampling import states
+from derive.states.sampling import Walk, states
 
 PLATE = """
 model: plate
@@ -29,3 +32,19 @@ def test_gimbal_lock_wherever_the_constraints_hold_is_refused_in_words() -> None
 def test_near_gimbal_lock_is_no_gimbal_lock() -> None:
     found = states(system(load_text(PLATE.format(held=89))), 5)
     assert len(found.t) == 5
+
+
+def test_not_every_rank_of_many_rows_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forty bars folded flat: the rank is 40 at the start and 80 next to it."""
+    closings: list[int] = []
+    closed = Walk.closed
+
+    def counted(walk: Walk, *given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        closings.append(walk.rank)
+        return closed(walk, *given)
+
+    monkeypatch.setattr(Walk, "closed", counted)
+    mechanics = system(load(Path(__file__).parents[2] / "findings" / "folded_bars.yaml"))
+    closings.clear()
+    assert len(states(mechanics, 4).q)
+    assert closings[0] == 40 and len(closings) < 12

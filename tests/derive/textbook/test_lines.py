@@ -5,9 +5,14 @@ Of derive.textbook: typeset, write_latex.
 
 import sympy
 
+from derive.formulations import equations
+from derive.model import load_text
+from derive.states import system
+from derive.textbook.derivation import derivation
 from derive.textbook.layout import ROW, SYMBOL, wide_entries
+from derive.textbook.measure import letters
 from derive.textbook.typeset import ALONE, PIECE, Typesetter, width
-from derive.textbook.write_latex import _breakable
+from derive.textbook.write_latex import _breakable, article
 
 A, B, C, D, X = sympy.symbols("a b c d x")
 NAMES = {s: str(s) for s in (A, B, C, D, X)}
@@ -55,3 +60,30 @@ def test_a_matrix_is_no_wider_than_a_phone_reads() -> None:
     listed = wide_entries(widths)
     columns = [SYMBOL if (0, j) in listed else 20 for j in range(3)]
     assert listed and sum(columns) <= ROW
+
+
+def test_lines_may_end_inside_long_products_of_named_velocities() -> None:
+    """Names with indices above and below count: a phone shows no formula in tiny letters."""
+    wx, wy, wz, lean, spin, r = sympy.symbols("wx wy wz lean spin r", real=True)
+    base = {x: rf"\omega_{a}^{{\mathrm{{base}}}}" for x, a in ((wx, "x"), (wy, "y"), (wz, "z"))}
+    angles = {lean: r"\mathrm{lean}", spin: r"\mathrm{spin}"}
+    setter = Typesetter({r: "r", **base, **angles}, 1)
+    c, s = sympy.cos, sympy.sin
+    inner = wx * c(spin) - wy * c(lean) * s(lean) - 2 * wy * s(spin)
+    term = (wx**2 * c(spin) - wz * inner) * c(spin) - wx * (wy * c(lean) * s(lean) * s(spin) + wx)
+    pieces = setter.pieces(-r * (term / sympy.Abs(c(lean)) + (wx**2 + wz**2) * sympy.Abs(c(lean))))
+    assert max(letters(piece) for piece in pieces) <= 26
+    whole = "".join(pieces)
+    assert whole.count("(") == whole.count(")")
+
+
+def test_angles_that_are_shares_of_pi_print_as_such() -> None:
+    text = """model: angles
+plane: xy
+parameters: {a: pi/10, b: 45 deg, c: -2*pi/3, d: 0.3, e: 3.14159 rad}
+bodies: {r: {mass: 1 kg, com: [(1 m)*cos(a + b), (1 m)*cos(c + d + e)], inertia: 1}}
+joints: {j: {type: revolute, parent: ground, child: r, coordinate: q}}
+"""
+    page = article(derivation(equations(system(load_text(text)))))
+    for value in (r"$\pi/10$", r"$\pi/4$", r"$-2\,\pi/3$", "& 0.3 &", "& 3.14159 &"):
+        assert value in page

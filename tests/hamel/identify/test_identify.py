@@ -5,6 +5,7 @@ Of hamel.identify: base, estimate, excitation, fit, limits, measured, page, writ
 Of hamel.verbs: identify.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,26 @@ def test_noise_of_one_per_cent_gives_values_within_their_deviations(motion, tmp_
             estimate = way(noisy)
             hits.extend(np.abs(estimate.values - wanted) < 3.0 * estimate.deviations)
     assert all(np.mean(hits) >= 0.99 for hits in inside.values())
+
+
+@pytest.mark.parametrize("cutoff", [6.0, 12.0, 16.0])
+def test_deviations_count_what_the_filter_leaves_from_row_to_row(motion, tmp_path, cutoff):
+    """Noise of the forces that was white is not white behind the filter: values scatter by their
+    deviations whatever its cutoff. At 12 of 20 Hz they were told to be a quarter better known."""
+    _, found, names, rows = motion
+    write(tmp_path / "a.csv", [*names[:3], *names[-2:]], rows[:, [0, 1, 2, -2, -1]])
+    rng, base = np.random.default_rng(0), base_parameters(found)
+    seen = measured(found, tmp_path / "a.csv", cutoff)
+    clean, low = rows_of(found, base, seen), seen.filter
+    size = 0.01 * np.sqrt(np.mean(clean.y**2, axis=0))
+    inside = slice(low.ends, len(rows) - low.ends, low.every)
+    apart = []
+    for _ in range(150):
+        noise = low(size * rng.normal(size=(len(rows), 2)))[inside]
+        estimate = weighted(replace(clean, y=clean.A @ ordinary(clean).values + noise))
+        apart.append((estimate.values - ordinary(clean).values) / estimate.deviations)
+    assert np.std(apart) == pytest.approx(1.0, abs=0.08)
+    assert np.mean(np.abs(apart) < 3.0) >= 0.99
 
 
 def test_positions_alone_are_filtered_and_predict_another_motion(motion, tmp_path):

@@ -1,6 +1,6 @@
 """Free parameters by multiple shooting: noisy motions give them back, and what cannot be is told.
 
-Of hamel.identify: shooting.
+Of hamel.identify: shooting, variation.
 """
 
 from pathlib import Path
@@ -10,6 +10,12 @@ import pytest
 
 import hamel
 from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations.frames import based
+from hamel.build.module import temporary_module
+from hamel.build.stages import equations_of
+from hamel.identify import shooting
+from hamel.identify.measured import recorded
+from hamel.identify.variation import is_continuous, varied
 
 ARM = """
 model: arm
@@ -100,3 +106,63 @@ def test_a_loop_gives_its_spring_back(tmp_path: Path) -> None:
     file = write(tmp_path / "data.csv", "t,q1", true["t"], true["q1"])
     (k,) = hamel.free_parameters(model, file, ["k"], segments=4).parameters
     assert k.value == pytest.approx(3.0, rel=1e-6)
+
+
+PLANTED = """
+model: planted
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {l: 0.5 m, r: 0.3 m, k: 3 N*m/rad^3, tau: 0.1 s}
+bodies:
+  crank: {mass: 1 kg, com: [0.1 m, 0], inertia: 0.01}
+  rod: {mass: 1 kg, com: [l/2, 0], inertia: 0.02}
+  slider: {mass: 2 kg}
+joints:
+  A: {type: revolute, parent: ground, child: crank, coordinate: q1}
+  B: {type: revolute, parent: crank, child: rod, at: [r, 0], coordinate: q2}
+  S: {type: prismatic, parent: ground, child: slider, axis: x, coordinate: s}
+closures: {C: {type: revolute, between: [rod, slider], at: [[l, 0], [0, 0]]}}
+inputs: {u: {unit: N*m}}
+states: {act: {rate: (u - act)/tau + der(s)*(1 N), initial: 0 N*m}}
+loads: {all: {type: expression, joint: A, expression: act - k*q1^3 - (0.3 N*m*s)*abs(der(q1))*q1}}
+outputs: {tip: "position(rod, [l, 0])"}
+initial: {q1: 60 deg, guess: {q2: -90 deg, s: 0.5 m}}
+"""
+
+
+@pytest.mark.slow
+def test_slopes_are_those_of_the_motion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Integrated with the motion, by lengths of a loop, a stiffness and the lag of a state, through
+    kinks; against differences of motions, which know nothing of them."""
+    model = tmp_path / "planted.yaml"
+    model.write_text(PLANTED, encoding="utf-8")
+    t, free = np.linspace(0.0, 0.6, 61), ["l", "r", "k", "tau"]
+    u = np.sin(9.0 * t)
+    true = hamel.simulate(model, time=0.6, step=0.01, inputs={"u": (t, u)}).motion
+    columns = [true[name] for name in ("s", "der(q2)", "tip[1]", "act")]
+    data = write(tmp_path / "data.csv", "t,u,s,der(q2),tip[1],act", t, u, *columns)
+    equations = based(equations_of(model, None))
+    motion = recorded(equations, data, None)
+    whole = varied(equations, free, shooting.scales_of(equations, free).tolist())
+    with (
+        temporary_module(equations, ("dop853",)) as module,
+        temporary_module(whole, ("dop853",), ("none",)) as along,
+    ):
+        problem = shooting._problem(equations, module, motion, free, 3, along)
+        theta = shooting._first(problem) * 1.01
+        noise = np.ones(len(problem.names))
+        exact = shooting._integrated(problem, noise, theta)
+        differences = np.zeros_like(exact)
+        for step in (2e-4, -2e-4):  # forwards and backwards: half of each is central
+            monkeypatch.setattr(shooting, "DIFFERENCE", step)
+            differences += shooting._differences(problem, noise, theta) / 2
+    sizes = np.abs(differences).max(axis=0)
+    assert sizes.min() > 1e-2
+    np.testing.assert_allclose(exact / sizes, differences / sizes, atol=5e-7)
+
+
+def test_forces_that_jump_leave_slopes_to_differences(arm: Path) -> None:
+    assert is_continuous(based(equations_of(arm, None)))
+    jumping = ARM.replace("k*q^3", "k*q^3 - (1 N*m)*step(q)")
+    arm.write_text(jumping, encoding="utf-8")
+    assert not is_continuous(based(equations_of(arm, None)))

@@ -55,6 +55,21 @@ def test_sobol_indices_of_the_waveboard(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_random_mechanisms_are_reported(tmp_path: Path) -> None:
+    """A chain and a loop, by two formulations; what is fast is among what is exact enough."""
+    random = example("random_mechanisms")
+    record = random.reported(
+        2, out=tmp_path, formulations=["quasi_velocities", "augmented"], integrators=["dop853"],
+        budget=20.0,
+    )  # fmt: skip
+    assert record.passed and len(record.models) == 2
+    best = random.fastest(record.rows)
+    assert sum(best.values()) == 2
+    assert {integrator for _, integrator in best} == {"dop853"}
+    assert random.mechanism(3) == random.mechanism(3) != random.mechanism(5)
+
+
+@pytest.mark.slow
 def test_the_snake_comes_nearer(tmp_path: Path) -> None:
     snake = example("mppi_snake")
     away, _ = snake.driven(snake.snake(tmp_path / "snake3"), 4.0, rollouts=512)

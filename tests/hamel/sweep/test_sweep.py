@@ -2,7 +2,8 @@
 twice, and what is wrong is said.
 
 Of hamel: columns, optional.
-Of hamel.sweep: artefact, axes, chunk, drive, folder, job, kept, limits, linear, page, plan, result, summary, work.
+Of hamel.sweep: artefact, axes, chunk, drive, folder, job, kept, limits, linear, modes, page, places,
+plan, result, summary, work.
 Of hamel.verbs: sweep.
 """
 
@@ -13,30 +14,32 @@ import json
 import shlex
 import subprocess
 import sys
+import time
 from concurrent.futures import BrokenExecutor, Future
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
 import hamel
 from codegen import compiler
 from derive.diagnostics import (
     AssumptionError,
     HamelError,
+    ModelError,
     ToolchainError,
     VerificationError,
 )
 from hamel.engines import Engine
 from hamel.records import Swept
-from hamel.sweep import artefact, chunk, drive, page, work
+from hamel.sweep import artefact, axes, chunk, drive, modes, places, plan, work
 from hamel.sweep.axes import Sampling, design
 from hamel.sweep.folder import Folder
+from hamel.sweep.job import Modes
 from hamel.sweep.plan import Asked, planned
-from hamel.sweep.summary import Summary, merged, of_json, summary
+from hamel.sweep.summary import Growing, of_json, summary, together
 
 ROD = """
 model: rod
@@ -121,12 +124,12 @@ def test_another_sweep_does_not_go_on_in_the_folder(record: Swept, place: Path) 
 
 def test_bytes_do_not_depend_on_who_is_ready_first_or_ends(record: Swept, place: Path) -> None:
     """An engine that answers late, loses work, and forgets jobs."""
-    plan = planned(place / "rod.yaml", asked())
+    of = planned(place / "rod.yaml", asked())
     folder = Folder(str(place / "late"), True)
-    folder.enter(dict(plan.about))
+    folder.enter(dict(of.about))
     late = Late()
-    made = drive.driven(plan, Engine(late, lambda: 3, "late", False), folder, 0)
-    assert made.lost == late.lost > 2 and made.chunks == plan.chunks
+    made = drive.driven(of, Engine(late, lambda: 3, "late", False), folder, 0)
+    assert made.lost == late.lost > 2 and made.chunks == of.chunks
     for name, content in files(place / "late").items():
         assert content == (place / "here" / name).read_bytes()
 
@@ -178,16 +181,35 @@ def test_without_rows_the_same_is_known_of_all(record: Swept, place: Path) -> No
 def test_summaries_merge_into_that_of_all() -> None:
     x = np.random.default_rng(0).standard_normal(10_000) * 3 - 1
     parts = [summary(part, k * 100) for k, part in enumerate(np.split(x, 100))]
-    whole = parts[0]
-    for part in parts[1:]:
-        whole = of_json(json.loads(json.dumps(merged(whole, part).about())))
+    growing = Growing()
+    for part in parts:
+        growing.add(of_json(json.loads(json.dumps(part.about()))))
+    whole = growing.summary()
     assert whole.mean == pytest.approx(x.mean(), rel=1e-12)
     assert whole.variance == pytest.approx(x.var(ddof=1), rel=1e-12)
     assert whole.lowest[0] == (x.min(), int(x.argmin()))
     for part in (0.01, 0.3, 0.5, 0.99):
         wanted = np.quantile(x, part, method="inverted_cdf")
         assert abs(whole.quantile(part) - wanted) <= 0.005001 * abs(wanted)
-    assert len(whole.bins) < 2500
+    assert len(whole.bins.places) < 2500
+    backwards = together([part.bins for part in parts[::-1]])
+    assert (backwards.places == whole.bins.places).all() and backwards.level == whole.bins.level
+    assert (backwards.counts == whole.bins.counts).all()
+
+
+def test_quantiles_of_values_that_lie_closely() -> None:
+    """0.6 m ± 0.2 mm: half a per cent of it would be 15 deviations."""
+    x = 0.6 + 2e-4 * np.random.default_rng(1).standard_normal(100_000)
+    growing = Growing()
+    for k, part in enumerate(np.split(x, 100)):
+        growing.add(summary(part, k * 1000))
+    whole = growing.summary()
+    for part in (0.001, 0.05, 0.5, 0.95, 0.999):
+        assert whole.quantile(part) == pytest.approx(np.quantile(x, part), abs=0.02 * 2e-4)
+    edges, counts = whole.histogram(60)
+    assert len(edges) == 61 and sum(counts) == len(x) and max(counts) < 0.1 * len(x)
+    assert np.abs(np.array(counts) - np.histogram(x, 60)[0]).max() < 0.01 * len(x)
+    assert len(json.dumps(whole.about())) < 10_000
 
 
 def test_samples_do_not_depend_on_how_they_are_cut() -> None:
@@ -198,6 +220,18 @@ def test_samples_do_not_depend_on_how_they_are_cut() -> None:
         part = made.values(300, 613)
         assert all((whole[name][300:613] == part[name]).all() for name in whole)
         assert abs(whole["a"].mean() - 0.5) < 0.03 and abs(whole["b"].std() - 1) < 0.1
+
+
+@pytest.mark.parametrize("first", [0, 1, 777, 100_000])
+def test_sobol_points_are_those_of_scipy(first: int) -> None:
+    """And those far out come as fast as the first."""
+    rng = np.random.default_rng(np.random.SeedSequence(3))
+    points = qmc.Sobol(5, scramble=True, bits=64, rng=rng).random(2**17)[first : first + 100]
+    assert np.abs(axes._sobol(3, 5, first, first + 100) - points).max() < 1e-15
+    begin = time.process_time()
+    far = axes._sobol(3, 5, 10**11, 10**11 + 1000)
+    assert time.process_time() - begin < 0.5
+    assert len(np.unique(far)) == far.size and abs(far.mean() - 0.5) < 0.01
 
 
 def test_files_of_columns_vary_together(tmp_path: Path) -> None:
@@ -218,6 +252,9 @@ def test_files_of_columns_vary_together(tmp_path: Path) -> None:
     [
         ({"vary": {"mass": "1:2:3"}}, "'mass' is to vary, but rod has no such value"),
         ({"vary": {"m": "gauss(1, 2)"}}, "'gauss' is no distribution"),
+        ({"vary": {"m": "normal(1, 2"}}, "does not end with '\\)'"),
+        ({"vary": {}, "files": ["m"]}, "'m' varies over nothing, and is no file"),
+        ({"vary": {"m": "1:2:3"}, "scheduler": "no.json"}, "no scheduler has written no.json"),
         ({"vary": {"m": "normal(1 kg, 0 kg)"}}, "deviation is not above zero"),
         ({"vary": {"m": "loguniform(0, 1)"}}, "low is not above zero"),
         ({"vary": {"m": "1:2:x"}}, "with 'x' values"),
@@ -340,7 +377,7 @@ def test_a_full_disk_ends_with_a_folder_to_go_on_from(
 
     def full(self: Folder, name: str, content: bytes) -> None:
         count[0] += 1
-        if count[0] == 4:
+        if count[0] >= 4:
             raise ToolchainError("cannot write: No space left on device")
         write(self, name, content)
 
@@ -381,9 +418,120 @@ def test_bytes_do_not_depend_on_the_engine(name: str, record: Swept, place: Path
     assert files(place / name) == files(place / "here")
 
 
-def test_values_that_differ_by_rounding_have_no_histogram():
-    column = SimpleNamespace(name="q", unit="rad")
-    apart = Summary(2, 1.0, 0.0, ((1.0, 0),), ((1.1, 1),), {0: 2})
-    close = replace(apart, highest=((1.0 + 4e-16, 1),))
-    assert "<svg" in page._distribution(column, apart)
-    assert page._distribution(column, close) == ""
+def test_values_that_differ_by_rounding_have_no_histogram() -> None:
+    assert summary(np.array([1.0, 1.1]), 0).histogram(60)[1]
+    assert not summary(np.array([1.0, 1.0 + 4e-16]), 0).histogram(60)[1]
+
+
+def test_a_file_of_many_rows_is_not_laid_out_for_each_chunk(tmp_path: Path) -> None:
+    """A million rows were turned into an array for every chunk: 50 ms each."""
+    (tmp_path / "long.csv").write_text("q\n" + "\n".join(map(str, range(1_000_000))) + "\n")
+    made = design({}, [str(tmp_path / "long.csv")], Sampling(None, "random", 0), lambda n, t: 0.0)
+    begin = time.perf_counter()
+    for first in range(0, 1_000_000, 50_000):
+        assert made.values(first, first + 3)["q"].tolist() == [first, first + 1, first + 2]
+    assert time.perf_counter() - begin < 0.2
+
+
+@pytest.mark.slow
+def test_many_points_of_a_map_go_by_compiled_code_and_give_the_same(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To rounding; and a planted error is seen before anything runs."""
+    given: dict[str, Any] = {
+        "vary": {"speed": "2:8:30", "c": "0.02:0.1:4"}, "keep": ["growth", "frequency"],
+    }  # fmt: skip
+    derived = hamel.sweep("models/bicycle.yaml", out=place / "derived", **given).to_xarray()
+    monkeypatch.setattr(plan, "WORTH", 100)
+    lanes = hamel.sweep("models/bicycle.yaml", out=place / "lanes", **given).to_xarray()
+    assert np.abs(lanes["growth"] - derived["growth"]).max() < 1e-10
+    assert np.abs(lanes["frequency"] - derived["frequency"]).max() < 1e-10
+    asked_for = asked(
+        vary=given["vary"], keep=given["keep"], chunk=None, sampling=Sampling(None, "random", 0)
+    )
+    job = planned("models/bicycle.yaml", asked_for).jobs[0].work
+    assert isinstance(job, Modes) and job.artefact is not None
+    text = json.loads(job.artefact.texts["verification.json"])
+    text["functions"]["steady"]["expected"][0][-1] += 1e-3
+    wrong = {**job.artefact.texts, "verification.json": json.dumps(text)}
+    spoiled = dataclasses.replace(job.artefact, texts=wrong)
+    with pytest.raises(VerificationError, match="does not give the stored values"):
+        modes.ready(dataclasses.replace(job, artefact=spoiled))
+
+
+def test_a_killed_process_between_a_group_and_its_chunks(place: Path) -> None:
+    """The group's file is there, and some of its chunks are still: they go, and are not counted
+    twice."""
+    given = {**ASKED, "reduce": True}
+    whole = hamel.sweep(place / "rod.yaml", out=place / "between", **given)
+    (place / "between" / "chunks").mkdir(exist_ok=True)
+    (place / "between" / "chunks" / "000000002.json").write_text("{}")
+    again = hamel.sweep(place / "rod.yaml", out=place / "between", **given)
+    assert again.made == 0 and again.kept == whole.kept
+    assert not list((place / "between" / "chunks").iterdir())
+
+
+def test_values_that_had_to_give_way_are_counted_with_rows_and_without(tmp_path: Path) -> None:
+    """The coupler of a four-bar cannot have any angle beside a crank that is held."""
+    given: dict[str, Any] = {
+        "vary": {"q1": "0.5, 0.6, 0.7", "q2": "0.3"}, "keep": ["q1"], "time": 0.01,
+    }  # fmt: skip
+    rows = hamel.sweep("models/four_bar.yaml", out=tmp_path / "rows", **given)
+    less = hamel.sweep("models/four_bar.yaml", out=tmp_path / "less", reduce=True, **given)
+    assert rows.moved == less.moved == 3
+
+
+def test_places_that_are_no_folders(place: Path, record: Swept) -> None:
+    """Reduced sweeps, too; a file:// address is a folder; half-written files do not count."""
+    pytest.importorskip("fsspec")
+    less = hamel.sweep(place / "rod.yaml", out="memory://hamel-less", reduce=True, **ASKED)
+    assert less.kept == record.kept
+    here = f"file://{place / 'by-address'}"
+    hamel.sweep(place / "rod.yaml", out=here, **ASKED)
+    rows = {name: c for name, c in files(place / "here").items() if name.startswith("chunks")}
+    assert {n: c for n, c in files(place / "by-address").items() if n.startswith("chunks")} == rows
+
+
+def test_a_place_that_shows_files_while_they_are_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There they are moved to their names; what was left of a killed process is removed."""
+    pytest.importorskip("fsspec")
+    monkeypatch.setattr(places, "WHOLE", set[str]())
+    there = places.place_of("memory://hamel-drafts")
+    there.write("chunks/1", b"one")
+    assert there.read("chunks/1") == b"one" and there.names("chunks") == ["1"]
+    assert isinstance(there, places.Remote)
+    there.files.pipe_file(f"{there.root}/chunks/.2.draft", b"half")
+    there.sweep("chunks")
+    assert there.names("chunks") == ["1"]
+
+
+def test_a_place_that_does_not_answer_is_said_in_one_line() -> None:
+    with pytest.raises(ToolchainError, match="cannot use nothing://x"):
+        hamel.sweep("models/four_bar.yaml", vary={"m2": "1,2"}, time=0.01, out="nothing://x")
+
+
+def test_sobol_indices_are_refused_where_they_cannot_be(place: Path) -> None:
+    given: dict[str, Any] = {"keep": ["q"], "design": "saltelli", "time": 0.01, "samples": 8}
+    drawn = {"q": "uniform(0.1, 0.2)", "c": "uniform(0.1, 0.11)"}
+    out = place / "no-indices"
+    with pytest.raises(ModelError, match="--reduce keeps none"):
+        hamel.sweep(place / "rod.yaml", vary=drawn, out=out, reduce=True, **given)
+    with pytest.raises(ModelError, match="grids, files or methods vary"):
+        hamel.sweep(place / "rod.yaml", vary={**drawn, "l": "1,2"}, out=out, **given)
+    given["keep"] = ["at(m, 0)"]
+    found = hamel.sweep(place / "rod.yaml", vary=drawn, out=out, **given)
+    assert found.notes == ("no Sobol indices of at(m, 0): it is the same in all motions",)
+
+
+def test_commands_say_how_the_motion_was_made(place: Path) -> None:
+    """All of the method; for eigenvalues the choice of quasi-velocities."""
+    found = hamel.sweep(
+        "models/bicycle.yaml", vary={"speed": "3,4"}, keep=["growth"], out=place / "choice",
+        choice="rates",
+    )  # fmt: skip
+    assert "--choice=" in found.commands["0"]
+    found = hamel.sweep(
+        "models/four_bar.yaml", vary={"m2": "2,3"}, keep=["q1"], time=0.01, out=place / "alpha",
+        enforcement="feedback", alpha=3.0, real="float32", rtol=1e-4, failures=1.0,
+    )  # fmt: skip
+    assert "--alpha=3.0" in found.commands["0"] and "--real=float32" in found.commands["0"]

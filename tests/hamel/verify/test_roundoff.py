@@ -162,3 +162,19 @@ def test_a_constant_off_by_a_millionth_is_seen_in_a_target(equations, tmp_path):
     spoiled(wrong / f"{program.name}_casadi.py")
     failed = [x.name for x in casadi.check(replace(subject, folder=wrong)) if not x.passed]
     assert "symbols: values" in failed
+
+
+def test_the_bound_covers_sums_in_every_order() -> None:
+    """A row wr - turn + spin of a gear, near zero where wr and turn are near each other: the C code
+    may add it up another way, and hamel verify once called the difference a failure."""
+    a, b, c = (ca.SX.sym(name) for name in "abc")
+    rng = np.random.default_rng(0)
+    states = np.column_stack([rng.uniform(0.5, 1.0, (500, 1)), 1e-3 * rng.normal(size=(500, 2))])
+    states[:, 1] += states[:, 0]
+    states[:, 2] = states[:, 1] - states[:, 0] + 1e-17 * rng.normal(size=500)
+    orders = ((a - b) + c, (a + c) - b, (c - b) + a)
+    symbols = ca.vertcat(a, b, c)
+    got = [ca.Function("f", [symbols], [z])(states.T).full().ravel() for z in orders]
+    for z in orders:
+        allowed = 8.0 * bound([a, b, c], z, states)[:, 0]
+        assert all((np.abs(x - y) <= allowed).all() for x in got for y in got)

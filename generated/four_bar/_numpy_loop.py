@@ -55,13 +55,15 @@ def advance(motion: Motion, times: np.ndarray, budget: int, out: Sequence[np.nda
 
 
 def _told(motion: Motion, status: int) -> int:
-    """A status with more to say: whether the choice alone is singular where the motion stopped."""
+    """A status with more to say: whether the choice alone is singular where the motion stopped, or
+    the constraints as well."""
     nullspace = motion.facts.nullspace
     if status not in (Status.SINGULAR, Status.SINGULAR_POSITION) or not nullspace:
         return status
-    if independence(motion, nullspace) > motion.facts.limits.independent:
+    found, least = independence(motion, nullspace), motion.facts.limits.independent
+    if found > least:
         return Status.SINGULAR_CHOICE
-    return status
+    return Status.SINGULAR_POSITION if found <= least else status
 
 
 def _through(motion: Motion, course: Course, out: dict[str, np.ndarray]) -> int:

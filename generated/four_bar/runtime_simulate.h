@@ -185,17 +185,22 @@ static void framed(Run *r, const double *p)
 }
 #endif
 
-/* A status with more to say: whether the choice alone is singular where the motion stopped. */
+/* A status with more to say: whether the choice alone is singular where the motion stopped, or the constraints as well. */
 static int told(const Run *r, int status)
 {
 #if HAS_ROWS
     const Simulation *const s = r->s;
-    if ((status == SINGULAR_POSITION || status == SINGULAR) && MODEL_independence(s->t, s->x, r->u, r->p) > INDEPENDENT)
+    double independence;
+    if (status != SINGULAR_POSITION && status != SINGULAR)
+        return status;
+    independence = MODEL_independence(s->t, s->x, r->u, r->p);
+    if (independence > INDEPENDENT)
         return SINGULAR_CHOICE;
+    return independence <= INDEPENDENT ? SINGULAR_POSITION : status;
 #else
     (void)r;
-#endif
     return status;
+#endif
 }
 
 /* The slope at the start and the first step size. */

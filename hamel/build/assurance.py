@@ -39,11 +39,7 @@ def check_all(
 ) -> None:
     """Raise VerificationError where one of the checks failed; `then` says what does not happen,
     `where` which state is the hardest."""
-    failed = [
-        f"{check.name}: {check.value:.2g} exceeds {check.tolerance:.2g}"
-        for check in checks
-        if not check.passed
-    ]
+    failed = [check.failure for check in checks if not check.passed]
     if failed:
         raise VerificationError(
             f"{equations.system.model.name}, choice {together(equations)}: "

@@ -12,7 +12,6 @@ import numpy as np
 
 from codegen.program import Program
 from derive.diagnostics import ToolchainError, VerificationError
-from hamel.verify import CheckResult
 from hamel.verify.targets import TARGET_CHECKS, Subject, TargetCheck
 
 UNCHECKED = "not checked"  # so begins what is said of a target whose tool is missing
@@ -60,14 +59,10 @@ def _checked(check: TargetCheck, subject: Subject) -> str:
             f"target {check.target} was not checked: {error}", RuntimeWarning, stacklevel=4
         )
         return f"{UNCHECKED}, for want of {check.tool}"
-    failed = [_failure(result) for result in results if not result.passed]
+    failed = [result.failure for result in results if not result.passed]
     if failed:
         raise VerificationError(
             f"{subject.name}: the target {check.target} disagrees with the module, nothing is "
             f"written: {'; '.join(failed)}"
         )
     return f"by {check.tool}: {', '.join(result.name for result in results)}"
-
-
-def _failure(result: CheckResult) -> str:
-    return f"{result.name}: {result.value:.2g} exceeds {result.tolerance:.2g}"

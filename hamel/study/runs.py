@@ -109,7 +109,7 @@ def judged(module: ModuleType, begin: Start, span: float, ms: float, motion: Any
     """The row of a run that came to its end."""
     before = module.energy(0.0, _state(module, begin), begin.u, begin.p)
     after, v = (
-        at_rows(module, name, motion, begin.system.q.numel(), begin.u, begin.p)[-1]
+        at_rows(module, name, motion, _speeds(module, begin), begin.u, begin.p)[-1]
         for name in ("energy", "velocity")
     )
     gain = total_energy(np.array([after]))[0] - total_energy(np.array([before]))[0]
@@ -187,6 +187,11 @@ def _state(module: ModuleType, begin: Start) -> np.ndarray:
     return module.state(0.0, begin.initial.whole, begin.u, begin.p)
 
 
+def _speeds(module: ModuleType, begin: Start) -> slice:
+    """Where w stands in x = (q, w, z)."""
+    return slice(len(begin.initial.q), module.nx - len(begin.initial.z))
+
+
 def track(
     path: str,
     values: Mapping[str, float | str],
@@ -202,9 +207,9 @@ def track(
         motion = _simulated(module, begin, times, run, span, limit)
     except Unfinished as end:
         return {"failed": end.cause}
-    closed, nq = positions(begin.system), begin.system.q.numel()
-    energy = total_energy(at_rows(module, "energy", motion, nq, begin.u, begin.p))
-    violations = np.abs(at_rows(module, "constraints", motion, nq, begin.u, begin.p))
+    closed, w = positions(begin.system), _speeds(module, begin)
+    energy = total_energy(at_rows(module, "energy", motion, w, begin.u, begin.p))
+    violations = np.abs(at_rows(module, "constraints", motion, w, begin.u, begin.p))
     return {
         "t": times.tolist(),
         "phi": np.max(violations[:, :closed], axis=1, initial=0.0).tolist(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,6 +17,13 @@ class CheckResult:
     tolerance: float
     passed: bool
     about: str
+
+    @property
+    def failure(self) -> str:
+        """What is told where it did not pass."""
+        if not math.isfinite(self.value):
+            return f"{self.name}: not finite"
+        return f"{self.name}: {self.value:.2g} exceeds {self.tolerance:.2g}"
 
 
 @dataclass(frozen=True)

@@ -500,7 +500,11 @@ def _mujoco_state(
     v, u, z = given
     x = np.asarray(ours["state"](0.0, np.concatenate([q, v, z]), u, [])).ravel()
     w = slice(len(q), len(x) - len(z))
-    span = lambda x: np.asarray(ours["S"](0.0, x, u, []))[:, : w.stop - w.start]  # noqa: E731
+
+    def span(x: np.ndarray) -> np.ndarray:
+        """The columns of S that belong to the quasi-velocities."""
+        return np.asarray(ours["S"](0.0, x, u, []))[:, : w.stop - w.start]
+
     S = span(x)
     v = S @ x[w]
     rates = np.asarray(ours["dynamics"](0.0, x, u, [])).ravel()

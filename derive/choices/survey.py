@@ -28,14 +28,14 @@ from derive.choices.redundancy import (
     selected,
     sentences,
 )
-from derive.diagnostics import AssumptionError, Diagnostic, ModelError
+from derive.diagnostics import ModelError
 from derive.mechanics.records import RowForm, System
 from derive.model.constraint_records import Holonomic
 from derive.model.records import Velocity
 from derive.states.closing import Kinematics
 from derive.states.independence import independent
 from derive.states.initial import initial_state
-from derive.states.sampling import States, row_lengths, states
+from derive.states.sampling import States, no_states, row_lengths, states
 
 
 @dataclass(frozen=True)
@@ -222,13 +222,7 @@ def survey_of(system: System, moving: bool = False) -> Survey:
     look independent."""
     result = Survey(system, moving)
     if not len(result.sampled.t):
-        message = "no configuration near the initial values satisfies the constraints"
-        if not system.rows:
-            message = (
-                "at no configuration near the initial values are masses and rates of the "
-                "coordinates finite"
-            )
-        raise AssumptionError(Diagnostic(file=system.model.file, message=message))
+        raise no_states(system)
     return result
 
 

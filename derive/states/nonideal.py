@@ -27,7 +27,7 @@ from derive.states.axes import well_turned
 from derive.states.closing import Kinematics
 from derive.states.independence import independent
 from derive.states.limits import RANK, SAMPLES
-from derive.states.sampling import row_lengths, states
+from derive.states.sampling import no_states, row_lengths, states
 
 
 @refuses_numerically("the mechanics")
@@ -81,8 +81,7 @@ def ideal_reactions(system: System, used: list[int]) -> ca.SX:
     solver = Kinematics(system)
     samples = states(system, SAMPLES, solver=solver)
     if not len(samples.t):
-        message = "no configuration near the initial values satisfies the constraints"
-        raise AssumptionError(Diagnostic(file=system.model.file, message=message))
+        raise no_states(system)
     sampled = solver.rows(samples.t, samples.q, samples.p)[0]
     rows = list(independent(sampled / row_lengths(sampled)[:, None], range(len(system.rows))))
     for i in used:

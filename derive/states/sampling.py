@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from derive.diagnostics import AssumptionError, listed
+from derive.diagnostics import AssumptionError, Diagnostic, listed
 from derive.mechanics.records import System
 from derive.numerics import NONZERO, refuses_numerically
 from derive.states.closing import Kinematics, closed, nominal, normalised
@@ -52,6 +52,17 @@ class States:
     v: np.ndarray
     u: np.ndarray
     p: np.ndarray
+
+
+def no_states(system: System) -> AssumptionError:
+    """What is told of a system of which no admissible state is found."""
+    message = "no configuration near the initial values satisfies the constraints"
+    if not system.rows:
+        message = (
+            "at no configuration near the initial values are masses and rates of the "
+            "coordinates finite"
+        )
+    return AssumptionError(Diagnostic(file=system.model.file, message=message))
 
 
 @refuses_numerically("random admissible states")

@@ -175,6 +175,6 @@ def _of(address: str, hint: str = RESUME) -> Iterator[None]:
         yield
     except ToolchainError:
         raise
-    except Exception as error:
+    except Exception as error:  # which classes they are of is known to those libraries alone
         said = " ".join(str(error).split()) or type(error).__name__
         raise ToolchainError(f"cannot use {address}: {said}", hint) from error

@@ -61,11 +61,11 @@ def wrong_systems(system: System) -> Iterator[tuple[str, System]]:
             else system.phi,
         ),
         "constraint row": ("A", _with_first(seen, system.A, -1.0)),
-        "constraint value": ("c", -system.c),
+        "constraint value": ("c", _negative(seen, system.c)),
         "constraint drift": ("beta", system.beta - 2 * _one_entry(seen, system.beta)),
         "kinetic energy": ("T", 1.001 * system.T),
         "potential energy": ("V", -system.V),
-        "power": ("power", -system.power),
+        "power": ("power", _negative(seen, system.power)),
     }
     for name, (term, value) in errors.items():
         if not _same(value, getattr(system, term)):
@@ -83,6 +83,11 @@ def _one_entry(seen: _Seen, column: ca.SX) -> ca.SX:
     for i, j in seen.entries(column)[:1]:
         result[i, j] = column[i, j]
     return result
+
+
+def _negative(seen: _Seen, matrix: ca.SX) -> ca.SX:
+    """The matrix with its sign changed, where it is more than rounding."""
+    return -matrix if seen.entries(matrix) else matrix
 
 
 def _with_first(seen: _Seen, matrix: ca.SX, factor: float) -> ca.SX:

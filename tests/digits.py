@@ -37,6 +37,7 @@ BINARY = {
     ca.OP_POW: lambda a, b: a**b,
     ca.OP_CONSTPOW: lambda a, b: a**b,
     ca.OP_ATAN2: mpmath.atan2,
+    ca.OP_COPYSIGN: lambda a, b: abs(a) if b >= 0 else -abs(a),
     ca.OP_FMIN: min,
     ca.OP_FMAX: max,
     ca.OP_LT: lambda a, b: mpmath.mpf(a < b),

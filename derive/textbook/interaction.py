@@ -146,6 +146,5 @@ def _mass(system: System, inertias: Sequence[Inertia]) -> ca.SX:
 
 def _bias(system: System, inertias: Sequence[Inertia]) -> ca.SX:
     """h of the same tree with other inertias."""
-    return inertial_forces(
-        replace(system, inertias=(tuple(inertias),)), ca.SX.zeros(system.v.numel())
-    )
+    links = tuple(replace(link, inertia=own) for link, own in zip(system.links, inertias))
+    return inertial_forces(replace(system, links=links), ca.SX.zeros(system.v.numel()))

@@ -119,7 +119,8 @@ def _slanted(scene: Scene, corners: Sequence[Vector], up: Vector, pixel: float) 
     start, end = max(edges, key=lambda edge: float((edge[0] + edge[1]) @ scene.view.toward))
     length = float(np.linalg.norm(end - start))
     along = (end - start) / length
-    count = max(int(length / (HATCH[0] * pixel)), 2)
+    # rounding must not decide whether there is a further stroke
+    count = max(math.floor(length / (HATCH[0] * pixel) + 1e-9), 2)
     slant = HATCH[1] * pixel * (-up - along) / math.sqrt(2)
     feet = [start + (k + 1) / count * length * along for k in range(count)]
     return [Shape("line", "hatch", (spot(GROUND, x), spot(GROUND, x + slant))) for x in feet]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from derive.formulations.manifold import keeps_velocities
 from derive.states.closing import normalised
 from hamel.verify.checks.agreement import violated
 from hamel.verify.checks.check import Check
@@ -189,6 +190,43 @@ def _newton(e: Evidence, by_mass: bool) -> float:
     return deviation(ours, wanted, relax, unit=e.units.q, sums=sums)
 
 
+def velocity_step(e: Evidence) -> float | None:
+    """One step of `project` takes v to v − W Aᵀ (A W Aᵀ)⁻¹ (A v − c), which is least in the metric
+    W⁻¹, M or 1; in quasi-velocities, where A v = c holds anyway, it leaves w.
+
+    None where rows repeat others: off the constraints it is not known which are to hold.
+    """
+    if not e.graph.has("project"):
+        return None
+    equations = e.graph.equations
+    steps = [e.graph("project", s.t, x, s.u, s.p) for s, x in zip(e.samples, e.astray)]
+    if not keeps_velocities(equations):
+        w = equations.speeds
+        return deviation([x[w] for x in steps], [x[w] for x in e.astray], unit=e.units.x[w])
+    if any(rank < len(e.system.rows) for rank in e.ranks):
+        return None
+    return min(_velocity_step(e, steps, by_mass) for by_mass in (True, False))
+
+
+def _velocity_step(e: Evidence, steps: list[Array], by_mass: bool) -> float:
+    ours, wanted, conditions = [], [], []
+    for s, x, moved in zip(e.samples, e.astray, steps):
+        q = x[: len(s.q)]
+        v = e.graph("velocity", s.t, x, s.u, s.p)
+        there = state_of(e.reference, s.t, q, v, s.u, s.full)
+        k = e.kinematics(there)
+        metric, unit = (
+            (mass(e.reference, there, k), e.units.M) if by_mass else (np.eye(len(v)), 1.0)
+        )
+        right = np.concatenate([np.zeros(len(v)), k.c - k.A @ v])
+        least, _ = solved(saddle(metric, k.A), right, redundant=False)
+        after = np.concatenate([q, moved[len(q) :]])
+        ours.append(e.graph("velocity", s.t, after, s.u, s.p))
+        wanted.append(v + least[: len(v)])
+        conditions.append(condition_of(saddle(metric / unit, k.A / e.units.A)))
+    return deviation(ours, wanted, np.maximum(conditions, e.conditions), unit=e.units.v)
+
+
 CHECKS = (
     Check(
         "d(T₂ − T₀ + V)/dt",
@@ -216,6 +254,12 @@ CHECKS = (
         SOLVED,
         "Newton step of least length in the metric of M (or 1), per condition number",
         newton_step,
+    ),
+    Check(
+        "project, velocities of one step",
+        SOLVED,
+        "v of least change in the metric of M (or 1) on A v = c, or w kept, per condition number",
+        velocity_step,
     ),
     Check(
         "project, nothing to do",

@@ -100,10 +100,13 @@ def printed_errors(document, state):
 
 
 def law_errors(document, state):
-    """Name → largest residual of a matrix equation, with many digits."""
+    """Name → largest residual of a matrix equation, with many digits, by the size of ẇ: constants
+    of the model are rounded."""
+    (rates,) = state.exact([Terms(state.found).wdot])
+    scale = 1 + max(map(abs, rates), default=0)
     exact = state.exact([law.residual for law in document.laws])
     return {
-        law.name: float(max(map(abs, entries), default=0))
+        law.name: float(max(map(abs, entries), default=0) / scale)
         for law, entries in zip(document.laws, exact)
     }
 

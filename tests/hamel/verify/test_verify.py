@@ -318,6 +318,30 @@ def test_a_projection_that_moves_what_need_not_move_is_caught(seen):
     )
 
 
+@pytest.mark.parametrize("formulation", ["augmented", "quasi_velocities"])
+def test_velocities_that_are_not_the_nearest_are_caught(formulation):
+    """A step by another metric ends on A v = c as well; one that takes w along is no step."""
+    chosen = equations(system(load(MODELS / "four_bar.yaml")), None, formulation)
+    function = next(f for f in chosen.functions if f.name == "project")
+    x = chosen.argument("x").symbols
+    value = ca.SX(function.result.value)
+    if formulation == "augmented":
+        heavier = ca.diag(ca.SX([3, 1, 2]))
+        step = value[3:6] - x[3:6]
+        rows = chosen.system.A
+        wrong = ca.mtimes(heavier, rows.T)
+        value[3:6] = x[3:6] + ca.mtimes(wrong, ca.solve(rows @ wrong, rows @ step))
+    else:
+        value[3] = x[3] + 1e-6
+    planted = replace(function, result=replace(function.result, value=value))
+    functions = tuple(planted if f.name == "project" else f for f in chosen.functions)
+    whole = evidence(reference(chosen.system.model), chosen, None, 3)
+    wrong = replace(whole, graph=evaluator(replace(chosen, functions=functions)))
+    names = {"project", "project, velocities of one step"}
+    assert not red(whole, names)
+    assert red(wrong, names) == {"project, velocities of one step"}
+
+
 def test_a_multiplier_that_balances_nothing_is_caught(seen):
     _, wrong = list(wrong_functions(seen.graph.equations, "reactions"))[-1]
     assert red(replace(seen, graph=evaluator(wrong)), {"M v̇ + h = Q + Aᵀ λ"})
@@ -576,6 +600,7 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
         "v̇ augmented",
         "v̇ of other choices",
         "project",
+        "project, velocities of one step",
     }
     named |= {"states admissible", "A S = 0", "A R = 1", "B S = 1", "B R = 0", "T = ½ vᵀ M v"}
     named |= {"dynamics ∘ inverse", "rank A", "project, nothing to do", "M v̇ + h = Q + Aᵀ λ"}

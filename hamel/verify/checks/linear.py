@@ -45,7 +45,8 @@ SEEN = 5  # of the sampled states
 # Relative to the column or to a thousandth of what is differentiated: both sides are exact
 # derivatives, and rounding is all that they differ by.
 EXACT = 1e-9
-PER_CONDITION = 1e-3  # … for a condition number of a thousand, and in proportion beyond
+PER_CONDITION = 1e-3  # … for a condition number of a thousand, and in proportion beyond …
+LOOSEST = 1e4  # … up to this factor: an error of 1e-5 is one whatever the condition
 UNREDUCED = 1e-7  # two eliminations of the multipliers, each with the condition of M and A in it
 NEXT_TO_NOTHING = 1e-3
 # in the model's own units: a steady motion there says nothing, for rounding is all that is left of
@@ -84,7 +85,7 @@ def along_constraints(e: Evidence) -> float | None:
 
 def _growth(e: Evidence, k: int) -> float:
     """How much rounding may grow beyond what the tolerance is given for."""
-    return max(1.0, e.conditions[k] * PER_CONDITION)
+    return min(max(1.0, e.conditions[k] * PER_CONDITION), LOOSEST)
 
 
 def _regular(e: Evidence, name: str) -> list[int]:

@@ -1,9 +1,10 @@
 """How much would the suite notice? One thing at a time is made wrong in the System's terms and in
 the module's functions.
 
-A change that leaves the numbers as they are at every state is no error and is not planted. Of the
-others, each has to turn some check red. Only the checks that look at what was changed are results:
-which those are is noted once, on the sound equations.
+A change that leaves the numbers as they are at every state, or moves them by less than any check
+promises to see, is no error and is not planted. Of the others, each has to turn some check red.
+Only the checks that look at what was changed are results: which those are is noted once, on the
+sound equations.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ ROUNDOFF = 8.0  # times the running error bound: below, two numbers are the same
 BESIDE = 1e-6  # how far off the constraints a difference is looked at again …
 # … that is at least this many times smaller on them, and so only the states' own inexactness
 VANISHES = 1e-4
+# of an entry's largest value: the finest tolerance of what mechanics gives is ten times that
+UNSEEN = 1e-11
 
 
 @dataclass(frozen=True)
@@ -238,13 +241,13 @@ def _planted(target: Target, change: Change, checks: tuple[Check, ...]) -> Mutat
 
 
 def _same(target: Target, wrong: ca.SX) -> bool:
-    """No number differs by more than roundoff, or than what the states, closed to 1e-12, are
-    themselves off the constraints."""
+    """No number differs by more than roundoff, than what the states, closed to 1e-12, are
+    themselves off the constraints, or than is promised to be seen."""
+    largest = np.max(np.abs(target.sound), axis=0, initial=0.0)
     difference = np.abs(target.at_places(wrong, target.places) - target.sound)
     beside = np.abs(target.at_places(wrong, target.beside) - target.sound_beside)
-    return bool(
-        np.all(difference <= ROUNDOFF * target.roundoff + VANISHES * beside + np.finfo(float).tiny)
-    )
+    inexact = ROUNDOFF * target.roundoff + VANISHES * beside
+    return bool(np.all(difference <= inexact + UNSEEN * largest + np.finfo(float).tiny))
 
 
 def _red(check: Check, spoiled: Evidence) -> bool:

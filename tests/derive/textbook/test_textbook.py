@@ -38,6 +38,7 @@ from tests.scenes import MODELS, ROOT, is_tree
 TOLERANCE = 1e-9
 EVERY_CHOICE = {"four_bar", "snake3"}
 ONE_CHOICE = {
+    "snakeboard",  # a platform with arms
     "chaplygin_sleigh",
     "rolling_disk",
     "slider_crank",

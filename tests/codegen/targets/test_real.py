@@ -31,7 +31,7 @@ from derive.formulations import equations
 from derive.linearize.minimal import with_linearization
 from derive.model import load
 from derive.states import system
-from hamel.build import keys, pipeline, reuse
+from hamel.build import keys, pipeline, reuse, stages
 from hamel.build.module import published
 from hamel.build.tune import timings
 from hamel.verify.checks import code
@@ -488,7 +488,7 @@ def test_a_build_with_a_wrong_sign_is_refused(
     assert len({keys.file_key(path, {"real": real.name}) for real in REALS}) == len(REALS)
     made = hamel.build(path, out=tmp_path / "made", functions=asked, real="float32")
     assert made.real == "float32" and loader.load(made.folder).defaults.dtype == np.float32
-    usual = pipeline.program_of
+    usual = stages.program_of
     monkeypatch.setattr(reuse, "file_key", lambda *given: None)
     monkeypatch.setattr(pipeline, "file_key", lambda *given: None)
 
@@ -500,7 +500,7 @@ def test_a_build_with_a_wrong_sign_is_refused(
             kernels=tuple(bad if kernel.name == "energy" else kernel for kernel in made.kernels),
         )
 
-    monkeypatch.setattr(pipeline, "program_of", spoiled)
+    monkeypatch.setattr(stages, "program_of", spoiled)
     with pytest.raises(VerificationError, match="module = graph"):
         hamel.build(path, out=tmp_path / "other", functions=asked, real="float32")
     assert not (tmp_path / "other").exists()

@@ -74,13 +74,16 @@ def unseen(k: int) -> list[str]:
     """Planted errors that turn no check red."""
     model = any_mechanism(k)
     chosen = derived(k, model)
-    if chosen is None or not verification(model, chosen, states=3, seed=k).passed:
+    if chosen is None:
+        return []
+    own = chosen.system.model
+    if not verification(own, chosen, states=3, seed=k).passed:
         return []
     missed = []
     for what, wrong in wrong_systems(chosen.system):
-        if verification(model, replace(chosen, system=wrong), states=3, seed=k).passed:
+        if verification(own, replace(chosen, system=wrong), states=3, seed=k).passed:
             missed.append(what)
-    found = mutations(model, chosen, seed=k, most=40)
+    found = mutations(own, chosen, seed=k, most=40)
     return missed + [f"{x.where}: {x.what}" for x in found.list if not x.caught_by]
 
 

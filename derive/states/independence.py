@@ -67,10 +67,13 @@ def share(rows: np.ndarray, kept: Sequence[int], candidates: Sequence[int]) -> f
 
 def _first(rows: np.ndarray, candidates: Sequence[int]) -> tuple[int, ...]:
     """By Gram–Schmidt in the order given: a row that depends on earlier ones at a singular position
-    alone is kept."""
+    alone is kept. No more than there are columns, as which rows repeat others may differ from state
+    to state."""
     rest = rows.copy()
     kept: list[int] = []
     for i in candidates:
+        if len(kept) == rows.shape[2]:
+            break
         lengths = np.linalg.norm(rest[:, i], axis=1)
         if np.sum(lengths > RANK) <= len(rest) / 2:
             continue

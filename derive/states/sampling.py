@@ -115,7 +115,7 @@ def _states(
     q = _scattered(system, rng, many, spread)
     if system.phi.numel():
         result = _walked(solver, rng, t, p, spread)
-        if result is None:
+        if result is None or not len(result[0]):
             return _nothing(system)
         t, q, p = result
     v, regular = _velocities(solver, rng, t, q, p)

@@ -148,3 +148,11 @@ def test_many_four_bars_in_a_row_are_built(tmp_path):
 def test_a_model_without_a_configuration_is_refused_in_words():
     with pytest.raises(AssumptionError, match="no configuration near the initial values"):
         hamel.check(HERE / "far_wheel.yaml")
+
+
+def test_where_every_walk_ends_far_from_the_constraints_is_refused_in_words():
+    with (
+        pytest.warns(RuntimeWarning, match="left out"),
+        pytest.raises(AssumptionError, match="no configuration near the initial values"),
+    ):
+        hamel.check(HERE / "far_anchor.xml")

@@ -23,6 +23,10 @@ from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence, results
 
 FINDINGS = Path(__file__).resolve().parents[2] / "findings"
+# at each of three states another two of three rows are independent
+ROWS = np.array(
+    [[[1, 0], [0, 1], [0, 0]], [[1, 0], [0, 0], [0, 1]], [[0, 0], [1, 0], [0, 1]]], dtype=float
+)
 TWICE = """model: twice
 plane: xy
 gravity: [0, -9.81 m/s^2]
@@ -108,3 +112,7 @@ def test_steps_are_as_long_as_elsewhere() -> None:
     """A hundred where a module of several choices took eight hundred, and one alone stopped."""
     found = hamel.simulate(FINDINGS / "rnd21.yaml", time=1.0, step=0.5, rtol=1e-9)
     assert found.simulation.steps < 200
+
+
+def test_no_more_rows_are_kept_than_there_are_velocities() -> None:
+    assert len(independent(ROWS, range(3))) == 2

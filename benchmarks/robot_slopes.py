@@ -1,8 +1,8 @@
 """Frames and derivatives of a robot beside Pinocchio's: pose and Jacobian of every link and joint
 that both name, and ∂v̇/∂q, ∂v̇/∂v, M⁻¹ of the joints that move by themselves.
 
-Displacements are taken along velocities on both sides. Where joints mimic others, Pinocchio's
-inverse dynamics is differentiated and projected on the independent joints.
+Displacements are taken along velocities on both sides. Theirs are the derivatives of Pinocchio's
+inverse dynamics, solved with its mass matrix on the joints that mimic no other.
 """
 
 from __future__ import annotations
@@ -77,11 +77,8 @@ class Slopes:
         damping = np.asarray(peer.model.damping)
         total = force - damping * s.pin_v - peer.friction * rub
         slope = np.diag(damping + peer.friction * (1.0 - rub**2) / peer.width)
-        if not peer.mimics:
-            args = (peer.model, peer.data, s.pin_q, s.pin_v, total)
-            by_q, by_v, upper = (np.array(x) for x in peer.pin.computeABADerivatives(*args))
-            inverse = np.triu(upper) + np.triu(upper, 1).T
-            return [np.array(peer.data.ddq), by_q, by_v - inverse @ slope]
+        # by inverse dynamics: `computeABADerivatives`, whose recursion is in the world's frame, has
+        # up to three digits less
         G = peer.G
         reduced = G.T @ peer.mass(s) @ G
         rates = G @ np.linalg.solve(reduced, G.T @ (total - peer.bias(s)))

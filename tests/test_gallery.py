@@ -61,3 +61,15 @@ def test_each_is_built_and_verified(path: Path, tmp_path: Path) -> None:
     """A build keeps nothing that its own verification does not pass."""
     built = hamel.build(path, out=tmp_path / path.stem)
     assert built.verified and built.compiled
+
+
+@pytest.mark.parametrize(
+    "path", [*GALLERY, *sorted((ROOT / "models").glob("*.yaml"))], ids=lambda path: path.stem
+)
+def test_each_model_is_described_in_one_to_three_sentences(path: Path) -> None:
+    """What it is, where it is from, and what is interesting: more than a title, less than a page;
+    initials of authors do not end a sentence."""
+    text = load(path).description
+    sentences = re.findall(r"[^.]{12,}\.(?= [A-Z]|$)", text.strip())
+    assert 1 <= len(sentences) <= 3 and text.strip().endswith(".")
+    assert 60 <= len(text) <= 420

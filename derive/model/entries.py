@@ -22,6 +22,7 @@ from derive.model.keys import (
     NameList,
     Nested,
     Text,
+    TextOrList,
     Unit,
     Units,
     Word,
@@ -256,9 +257,10 @@ class JointEntry(TurnedEntry):
         description="A body; each is the child of one joint.",
         json_schema_extra=term("the twist that comes out"),
     )
-    symbol: Text | None = Field(
+    symbol: TextOrList | None = Field(
         None,
-        description="How the name of its first coordinate is typeset, such as \\delta_{1}.",
+        description="How the name of its coordinate is typeset, such as \\delta_{1}; a list, such "
+        "as [x, y, \\psi], names the first ones of several.",
         json_schema_extra=term("letter of q in the derivation"),
     )
     at: JointPlace | None = Field(

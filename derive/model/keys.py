@@ -111,6 +111,7 @@ Text = Annotated[Scalar, ScalarKind("text")]
 Name = Annotated[Key, _Name]
 Formulas = Annotated[Items, ListKind("formula")]
 Constants = Annotated[Items, ListKind("number")]
+Texts = Annotated[Items, ListKind("text")]
 NameList = Annotated[Items, ListKind("name")]
 Units = Annotated[Items, ListKind("unit")]
 Nested = Annotated[Items, _Nested]
@@ -168,6 +169,10 @@ FormulaOrList = Annotated[
 ConstantOrList = Annotated[
     Annotated[Constant, Tag("<a formula>")] | Annotated[Constants, Tag("<a list>")],
     told_by(**{"a formula": is_scalar, "a list": is_list}),
+]
+TextOrList = Annotated[
+    Annotated[Text, Tag("<a text>")] | Annotated[Texts, Tag("<a list>")],
+    told_by(**{"a text": is_scalar, "a list": is_list}),
 ]
 PerCoordinate = Annotated[
     Annotated[Formulas, Tag("<a list>")] | Annotated[dict[Name, Formula], Tag("<a mapping>")],

@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from derive.model.document import Scalar
+from derive.model.document import Items, Scalar
 from derive.model.entries import CoordinateEntry, ParameterEntry
 from derive.model.names import COMMANDS
 from derive.model.reader import Reader
@@ -22,20 +22,31 @@ NO_INDEX = re.compile(r"[_^]\s*(?:[_^}]|$)")  # a sign with nothing after it
 def letters(
     reader: Reader, document: Document, coordinates: Sequence[Coordinate]
 ) -> tuple[tuple[str, str], ...]:
-    """Name → LaTeX of the parameters and coordinates that say so; a joint says it of its first
-    coordinate."""
+    """Name → LaTeX of the parameters and coordinates that say so; a joint says it of its
+    coordinates, from the first on."""
     given: list[tuple[str, Scalar | None]] = [
         (str(key), entry.symbol)
         for key, entry in (*document.parameters.items(), *document.coordinates.items())
         if isinstance(entry, ParameterEntry | CoordinateEntry)
     ]
-    first = {x.owner: x.name for x in reversed(coordinates)}
     for key, entry in document.joints.items():
-        if str(key) in first:
-            given.append((first[str(key)], entry.symbol))
-        elif entry.symbol is not None:
-            reader.report(entry.symbol.span, f"the joint '{key}' has no coordinate to be called so")
+        own = [x.name for x in coordinates if x.owner == str(key)]
+        given += _of_joint(reader, f"the joint '{key}'", own, entry.symbol)
     return _read(reader, given)
+
+
+def _of_joint(
+    reader: Reader, joint: str, own: Sequence[str], symbol: Scalar | Items | None
+) -> list[tuple[str, Scalar | None]]:
+    """The joint's coordinates, each with what it is called."""
+    called: list[Scalar | None] = (
+        list(symbol) if isinstance(symbol, Items) else [symbol] if symbol else []
+    )
+    if symbol is not None and not own:
+        reader.report(symbol.span, f"{joint} has no coordinate to be called so")
+    elif symbol is not None and len(called) > len(own):
+        reader.report(symbol.span, f"{joint} has {len(own)} coordinates, not {len(called)}")
+    return list(zip(own, called))
 
 
 def of_bodies(reader: Reader, document: Document) -> tuple[tuple[str, str], ...]:

@@ -108,6 +108,11 @@ def _element(entry: Scalar, source: Source) -> Value:
     return entry.text
 
 
+def _is_latex(key: str, text: str) -> bool:
+    """Whether braces in it name no index."""
+    return key == "symbol" and "\\" in text
+
+
 class Repetition:
     """Writes out what stands for several. Raises ModelError beyond `most` values in all."""
 
@@ -152,6 +157,7 @@ class Repetition:
     def _entries(self, node: Items, bound: Binding, where: str, key: str) -> Iterator[Node]:
         for entry in node:
             text = entry.text if isinstance(entry, Scalar) and key not in READERS else ""
+            text = "" if _is_latex(key, text) else text
             for binding, inner in self._bindings(text, entry.span, bound, where):
                 yield self.written_out(entry, binding, inner, key)
 
@@ -191,7 +197,7 @@ class Repetition:
         self.source.refuse(span, f"unknown index '{name}'", expected, hint)
 
     def _scalar(self, node: Scalar, bound: Binding, where: str, key: str) -> Scalar:
-        if key == "symbol" and "\\" in node.text:  # LaTeX, whose braces name no index
+        if _is_latex(key, node.text):
             return replace(node, span=_at(node.span, where))
         if key in READERS and not self._readable(node.text, bound):
             return replace(node, span=_at(node.span, where))

@@ -203,4 +203,7 @@ def watched(doc: Manuscript, guard: Guard, latex: str) -> None:
 def power_of_ten(x: float) -> str:
     """Two digits, as a LaTeX product with a power of ten where it takes one."""
     mantissa, _, exponent = f"{x:.2g}".partition("e")
-    return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
+    if not exponent:
+        return mantissa
+    power = f"10^{{{int(exponent)}}}"
+    return power if mantissa == "1" else rf"{mantissa} \cdot {power}"

@@ -13,8 +13,9 @@ from derive.textbook.typeset import digits
 
 CELL = 26  # a wider entry gets a line of its own before the matrix
 COLUMN = 44  # the same where the matrix has one column
-ROW = 46  # a wider matrix shows its widest entries by their symbols: legible at 390 pixels
-SYMBOL = 5  # the width of an entry's symbol, with the gap after it
+ROW = 40  # a wider matrix shows its widest entries by their symbols: legible at 390 pixels
+SYMBOL = 3  # the width of an entry's symbol
+GAP = 2  # between columns
 MUCH_SHORTER = 0.6  # of the operations over the basic symbols
 WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
 FEW_DIGITS = 6  # of a number in a table
@@ -42,7 +43,7 @@ def _across(widths: Sequence[Sequence[int]], listed: Places) -> int:
     columns = [list(column) for column in zip(*widths)]
     for i, j in listed:
         columns[j][i] = SYMBOL
-    return sum(max(column) for column in columns)
+    return sum(max(column) for column in columns) + GAP * (len(columns) - 1)
 
 
 def plain(x: sympy.Expr) -> bool:
@@ -89,7 +90,10 @@ def short_or_symbol(row: Sequence[sympy.Expr], symbols: Sequence[sympy.Symbol]) 
 
 
 def rounded(x: sympy.Expr) -> sympy.Expr:
-    """A formula of a table with few digits in its numbers."""
+    """A formula of a table with few digits in its numbers; a number alone is a decimal, as it is
+    given."""
+    if isinstance(x, sympy.Rational) and len(digits(x)) <= FEW_DIGITS and not x.is_Integer:
+        return sympy.Float(repr(float(x)), 15)
     numbers: set[sympy.Float] = x.atoms(sympy.Float)  # pyright: ignore[reportAssignmentType]
     long = [n for n in numbers if len(digits(n)) > MOST_DIGITS]
     return x.xreplace({n: sympy.Float(f"{float(n):.{FEW_DIGITS}g}") for n in long})

@@ -92,7 +92,7 @@ def _introduction(motion: _SteadyMotion) -> None:
     )
     vanishing = [motion.latex(i) for i in motion.zeros if i not in motion.cyclic]
     if vanishing:
-        zero = Math(", ".join(vanishing) + " = 0")
+        zero = Math(r",\; ".join(vanishing) + " = 0")
         doc.say(text + ", and {zero}.", name=name, zero=zero)
     else:
         doc.say(text + ".", name=name)
@@ -136,8 +136,10 @@ def _rates(motion: _SteadyMotion) -> None:
     rows = [k for k in places if form.independent[k] < doc.system.q.numel()]
     if not rows:
         return
-    symbols = ", ".join(motion.latex(form.independent[k]) for k in rows)
-    doc.say("The rates of the coordinates {names} are:", names=Math(symbols))
+    symbols = r",\; ".join(motion.latex(form.independent[k]) for k in rows)
+    one = len(rows) == 1
+    whose = "rate of the coordinate {names} is" if one else "rates of the coordinates {names} are"
+    doc.say(f"The {whose}:", names=Math(symbols))
     value = motion.at(form.A[rows, list(places)])
     _matrix(doc, "A rates", r"\delta !!q = !A_q\,\delta !x,\quad !A_q", "A", value)
 

@@ -99,6 +99,8 @@ class Manuscript:
         self.folding = False  # of displays that follow, whatever their length
         self._told: set[tuple[str, int]] = set()  # what is told once in a column of the page
         self._explained = False  # what abbreviations are
+        self._conditions = False  # whether one stands in a formula
+        self._explained_conditions = False
         self._pending: list[Line] = []  # of symbols that the next display has to explain
         self._constants: dict[sympy.Float, sympy.Symbol] = {}
 
@@ -220,6 +222,11 @@ class Manuscript:
                 r"Letters $z$ with an index abbreviate terms, $\kappa$ numbers. Each is explained "
                 "below the formula in which it occurs first, which may be a folded one."
             )
+        if self._conditions and not self._explained_conditions:
+            self._explained_conditions = True
+            self.say(
+                "A condition in brackets is a factor: one where it holds, zero where it does not."
+            )
         self._pending = []
 
     def law(self, name: str, left: str, right: str, residual: ca.SX, boxed: bool = False) -> None:
@@ -301,6 +308,7 @@ class Manuscript:
         """What is printed, for the test that evaluates it."""
         value = self.notation.in_basic_symbols(value)
         entries = sympy.ImmutableDenseMatrix(right)
+        self._conditions = self._conditions or entries.has(sympy.Piecewise)
         self.printed.append(Printed(name, latex, tuple(left), entries, value))
 
     def formula(self, expression: Expression | float, about: str) -> Math:

@@ -12,6 +12,7 @@ _SILENT = frozenset([r"\left", r"\right", r"\Bigl", r"\Bigr", r"\displaystyle"])
 _ACCENTS = frozenset([r"\dot", r"\ddot", r"\hat", r"\bar", r"\tilde"])
 _NAMES = re.compile(r"\\(a?(?:rc)?(?:sinh?|cosh?|tanh?)|ln|min|max|exp)$")
 SCRIPT = 0.7  # of the size of letters
+IN_CELL = 0.8  # of a fraction in a matrix: its letters are small, its functions' gaps are not
 CAPITAL = 1.25  # of an upper-case letter
 COLUMN = 2.0  # between the columns of a matrix
 WIDE = {
@@ -19,6 +20,8 @@ WIDE = {
     "+": 2.2,
     "-": 2.0,
     r"\cdot": 1.4,
+    r"\le": 2.2,
+    r"\ge": 2.2,
     r"\quad": 2.0,
     r"\qquad": 4.0,
     r"\,": 0.4,
@@ -81,12 +84,22 @@ def _matrix(tokens: list[str], k: int) -> tuple[float, int]:
             column = column + 1 if tokens[k] == "&" else 0
             k += 1
             continue
-        size, k = _row(tokens, k)
+        size, k = _cell(tokens, k)
         columns += [0.0] * (column + 1 - len(columns))
         columns[column] = max(columns[column], size)
         if k < len(tokens) and tokens[k] == "}":  # unbalanced: what is between cells is skipped
             k += 1
     return sum(columns) + COLUMN * max(len(columns) - 1, 0) + 1.6, k + 1
+
+
+def _cell(tokens: list[str], k: int) -> tuple[float, int]:
+    """An entry of a matrix, in which fractions are small."""
+    total = 0.0
+    while k < len(tokens) and tokens[k] not in ("}", "&", r"\\", r"\end{bmatrix}"):
+        small = IN_CELL if tokens[k] in (r"\frac", r"\tfrac") else 1.0
+        size, k = _atom(tokens, k)
+        total += small * size
+    return total, k
 
 
 _OPEN = ("{", "(", "[", r"\left", r"\begin{bmatrix}", r"\Bigl")

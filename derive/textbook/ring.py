@@ -26,8 +26,8 @@ Key = tuple[Monomial, Trig]
 Poly = dict[Key, Exact]
 Frozen = tuple[tuple[Key, Exact], ...]
 UNIT: Key = ((), ())
-# denominators that read better as fractions
-PLAIN = frozenset((1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24, 32, 36, 48))
+# divisors of fractions that stay fractions: masses of rods, balls (2/5, 5/7) and rings give these
+PLAIN = frozenset((1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 14, 15, 16, 18, 21, 24, 28, 30, 32, 35, 36, 48))
 
 
 class TooBig(Exception):

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import sympy
 from sympy import Expr
 from sympy.core.function import AppliedUndef
+from sympy.core.relational import Relational
+from sympy.functions.elementary.piecewise import ExprCondPair
 
 from derive.textbook.measure import letters
 
@@ -34,6 +36,8 @@ CALLED = {
     "atan2": r"\mathrm{atan2}",
     "sign": r"\mathrm{sign}",
 }
+RELATIONS = {"<": "<", "<=": r"\le", ">": ">", ">=": r"\ge", "==": "=", "!=": r"\ne"}
+NOTHING_ELSE = ExprCondPair(0, True)
 _WORD = re.compile(r"\\(sin|cos|tan|arcsin|arccos|arctan|ln|min|max)(?![A-Za-z])")
 _BEGINS = re.compile(r"(\\d?dot\{)?\\mathrm\{[^{}]{2,}\}")  # a name that is a word
 _ENDS = re.compile(r"\\mathrm\{[^{}]{2,}\}\}?$")
@@ -218,7 +222,22 @@ class Typesetter:
         )
 
     def _otherwise(self, x: sympy.Basic) -> str:
+        if isinstance(x, sympy.Piecewise) and x.args[1:] == (NOTHING_ELSE,):
+            return self._where(*x.args[0].args)
         return sympy.latex(x, symbol_names=dict(self.names))
+
+    def _where(self, value: Expr, condition: sympy.Basic) -> str:
+        """value [condition], which is zero where the condition does not hold (Iverson)."""
+        bracket = rf"\left[{self._condition(condition)}\right]"
+        if value == 1:
+            return bracket
+        simple = not (value.is_Add or _is_negative(value))
+        return rf"{self.latex(value) if simple else self._bracketed(value)} \, {bracket}"
+
+    def _condition(self, x: sympy.Basic) -> str:
+        if not isinstance(x, Relational):
+            return sympy.latex(x, symbol_names=dict(self.names))
+        return f"{self.latex(x.lhs)} {RELATIONS[x.rel_op]} {self.latex(x.rhs)}"
 
 
 def merged(pieces: Sequence[str], line: float = LINE) -> tuple[str, ...]:

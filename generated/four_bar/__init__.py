@@ -1,4 +1,4 @@
-"""four_bar: Planar four-bar linkage with one closed loop.
+"""four_bar: Planar four-bar linkage, a crank that drives a rocker through a coupler, with one closed loop. Dimensions are ours and satisfy Grashof's condition, so that the crank turns all the way round while the rocker swings.
 
 Every function is f(t, x, u, p=None, out=None): float64, SI units, arrays of one state (n,) or of many (..., n), which
 broadcast. A state that fails (a singular position, a value that is not finite) raises FloatingPointError; in a batch its row

@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "cc948432a0acc3bb8edb9e37a813fe63"
+PROGRAM = "dd60b91b8e5985eeac7cba7e8dfe0c20"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 1, 7
 DEFAULTS = np.array([0.2, 0.5, 0.4, 0.55, 1.0, 2.5, 2.0], dtype=float)

@@ -1,4 +1,4 @@
-"""snake3: Three-link snake robot, one passive wheel pair at the middle of each link.
+"""snake3: Three-link snake robot, one passive wheel pair at the middle of each link, after Hirose. Torques in the two hinges drive it forward through three nonholonomic constraints.
 
 Every function is f(t, x, u, p=None, out=None): float64, SI units, arrays of one state (n,) or of many (..., n), which
 broadcast. A state that fails (a singular position, a value that is not finite) raises FloatingPointError; in a batch its row

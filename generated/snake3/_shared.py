@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "50c3b959ea4ee90175f55dbf49b40bb3"
+PROGRAM = "a3abd581a4a978e08777b99b883fa8e6"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 2, 3
 DEFAULTS = np.array([0.3, 1.0, 0.0075], dtype=float)

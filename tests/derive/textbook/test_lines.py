@@ -3,16 +3,24 @@
 Of derive.textbook: typeset, write_latex.
 """
 
+import re
+from fractions import Fraction
+
+import pytest
 import sympy
 
 from derive.formulations import equations
-from derive.model import load_text
+from derive.model import load, load_text
 from derive.states import system
+from derive.textbook import html
+from derive.textbook.choice import power_of_ten
+from derive.textbook.compose import number
 from derive.textbook.derivation import derivation
-from derive.textbook.layout import ROW, SYMBOL, wide_entries
+from derive.textbook.layout import GAP, ROW, SYMBOL, rounded, wide_entries
 from derive.textbook.measure import letters
 from derive.textbook.typeset import ALONE, PIECE, Typesetter, width
 from derive.textbook.write_latex import _breakable, article
+from tests.scenes import MODELS
 
 A, B, C, D, X = sympy.symbols("a b c d x")
 NAMES = {s: str(s) for s in (A, B, C, D, X)}
@@ -59,7 +67,48 @@ def test_a_matrix_is_no_wider_than_a_phone_reads() -> None:
     widths = [[20, 20, 20], [4, 4, 4]]
     listed = wide_entries(widths)
     columns = [SYMBOL if (0, j) in listed else 20 for j in range(3)]
-    assert listed and sum(columns) <= ROW
+    assert listed and sum(columns) + 2 * GAP <= ROW
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rolling_disk"])
+def test_letters_of_matrices_are_no_smaller_than_half_of_the_text(name: str) -> None:
+    """At 390 pixels a display has room for about 25 letters of the size of the text."""
+    page = html(equations(system(load(MODELS / f"{name}.yaml"))))
+    matrices = re.findall(r'<math style="--w:(\d+)"[^>]*>(?:(?!</math>).)*<mtable', page)
+    assert len(matrices) > 3 and max(map(int, matrices)) <= 50
+
+
+def test_fractions_in_a_matrix_are_counted_as_small() -> None:
+    fraction = r"\frac{a + b + c + d}{2}"
+    assert letters(rf"\begin{{bmatrix}} {fraction} \end{{bmatrix}}") < letters(fraction) + 1
+
+
+def test_a_number_alone_is_given_as_a_decimal_and_others_as_fractions() -> None:
+    assert rounded(sympy.Rational(17, 4)) == sympy.Float("4.25", 15)
+    assert rounded(sympy.Rational(1, 3)) == sympy.Rational(1, 3)
+    assert rounded(A / 2) == A / 2
+    assert [number(Fraction(*x), False) for x in ((4, 5), (5, 7))] == [
+        sympy.Rational(4, 5),
+        sympy.Rational(5, 7),
+    ]
+    assert number(Fraction(1, 100), False) == sympy.Float("0.01", 15)
+    assert [power_of_ten(x) for x in (1e-6, 2.5e-7, 3.0)] == ["10^{-6}", r"2.5 \cdot 10^{-7}", "3"]
+
+
+def test_a_condition_is_a_factor_in_brackets_that_the_page_explains() -> None:
+    """Slopes of tables and of what has a kink hold conditions; two rows for each would not fit."""
+    setter = Typesetter(NAMES)
+    met = sympy.Piecewise((1, sympy.Le(A, B)), (0, True))
+    assert setter.latex(C * met / D) == r"\frac{c \, \left[a \le b\right]}{d}"
+    kink = sympy.Piecewise((A - B, sympy.Ge(A, B)), (0, True))
+    assert setter.latex(-kink) == r"-\left(a - b\right) \, \left[a \ge b\right]"
+    page = html(equations(system(load(MODELS / "gallery" / "cam.yaml"))))
+    assert page.count("A condition in brackets is a factor") == 1 and "otherwise" not in page
+
+
+def test_one_coordinate_has_a_rate_and_several_have_rates() -> None:
+    page = article(derivation(equations(system(load(MODELS / "rolling_disk.yaml")))))
+    assert "The rate of the coordinate $\\theta$ is:" in page
 
 
 def test_lines_may_end_inside_long_products_of_named_velocities() -> None:

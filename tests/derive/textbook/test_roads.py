@@ -340,6 +340,19 @@ def test_a_file_says_how_its_names_are_typeset():
     assert r"\hat{x}" in text and r"\dot{\hat{x}}" in text and "v_{B,x}" in text
 
 
+def test_a_joint_says_it_of_all_its_coordinates():
+    """A list from the first one on; the others keep their names, and their rates follow."""
+    free = (
+        r"{J: {type: planar, parent: ground, child: block, coordinates: [x, y, turn], symbol: %s}}"
+    )
+    text = SYMBOLS[: SYMBOLS.index("joints:")] + f"joints: {free}"
+    shown = latex(equations(system(load_text(text % r"['\xi_{1}', '\eta']"))))
+    assert r"\xi_{1}" in shown and r"\eta" in shown and r"\mathrm{turn}" in shown
+    for wrong in (r"[a, b, c, d]", r"[a, '\input{x}']"):
+        with pytest.raises(ModelError, match=r"3 coordinates, not 4|is not a symbol"):
+            load_text(text % wrong)
+
+
 @pytest.mark.parametrize("symbol", [r"\input{x}", r"x}", r"x_a_b", r"\hatx", "<b>", "", "a" * 80])
 def test_what_is_no_symbol_is_said(symbol):
     text = SYMBOLS.replace(r"\hat{x}", symbol)

@@ -4,6 +4,7 @@ import importlib
 import json
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -143,3 +144,9 @@ def test_every_page_of_the_site_has_its_place() -> None:
         name = page.relative_to(DOCS).with_suffix("").as_posix()
         wild = globbed.get(name.split("/")[0])
         assert name == "index" or name in listed or (wild and page.match(wild)), name
+
+
+def test_what_builds_the_site_comes_with_what_its_commands_need() -> None:
+    """Pages are run when the site is built, sweeps and other optional verbs among them."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert "hamel[sweep]" in extras["optional-dependencies"]["docs"]

@@ -136,3 +136,10 @@ joints: {j: {type: revolute, parent: ground, child: r, coordinate: q}}
     page = article(derivation(equations(system(load_text(text)))))
     for value in (r"$\pi/10$", r"$\pi/4$", r"$-2\,\pi/3$", "& 0.3 &", "& 3.14159 &"):
         assert value in page
+
+
+def test_a_printed_page_has_margins_and_letters_of_its_own() -> None:
+    """A bicycle prints on eleven pages; with the spaces of a screen it took eighteen."""
+    page = html(equations(system(load(MODELS / "pendulum.yaml"))))
+    printed = page[page.index("@media print") :]
+    assert "@page { size: A4" in printed and "font-size: 9.5pt" in printed

@@ -149,4 +149,4 @@ def test_every_page_of_the_site_has_its_place() -> None:
 def test_what_builds_the_site_comes_with_what_its_commands_need() -> None:
     """Pages are run when the site is built, sweeps and other optional verbs among them."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    assert "hamel[sweep]" in extras["optional-dependencies"]["docs"]
+    assert "hamel[cluster,data,identify]" in extras["optional-dependencies"]["docs"]

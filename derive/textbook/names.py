@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 GREEK = frozenset(
     [
@@ -76,11 +77,13 @@ def _escaped(sign: str) -> str:
     return r"\," if sign == "_" else chr(92) + sign
 
 
-def symbol(name: str) -> str:
+def symbol(name: str, given: Mapping[str, str] | None = None) -> str:
     """LaTeX of a model's identifier: phi1 → φ₁, l_arm → l with index arm, th → upright th, q1_dot →
-    q̇₁."""
+    q̇₁; `given` is what the file says of some names (`symbol:`)."""
+    if given and name in given:
+        return given[name]
     if name.endswith("_dot") and len(name) > 4:
-        return dotted(symbol(name[:-4]))
+        return dotted(symbol(name[:-4], given))
     latex = _parts(name)
     return upright(name) if _TAKEN.fullmatch(latex) else latex
 

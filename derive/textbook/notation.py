@@ -96,7 +96,7 @@ class Notation:
 
     def typeset(self, name: str) -> str:
         """A name of the model as LaTeX: as the file says, else as its spelling suggests."""
-        return self._given.get(name) or names.symbol(name)
+        return names.symbol(name, self._given)
 
     def _velocity(self, x: Velocity) -> str:
         if x.rate_of in self._given:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -120,15 +120,15 @@ def _matrix(entries: np.ndarray) -> str:
     return rf"\begin{{bmatrix}} {rows} \end{{bmatrix}}"
 
 
-def _column(names: Sequence[str]) -> str:
-    rows = r" \\ ".join(rf"\delta {_symbol(name)}" for name in names)
+def _column(names: Sequence[str], given: Mapping[str, str]) -> str:
+    rows = r" \\ ".join(rf"\delta {_symbol(name, given)}" for name in names)
     return rf"\begin{{bmatrix}} {rows} \end{{bmatrix}}"
 
 
-def _symbol(name: str) -> str:
+def _symbol(name: str, given: Mapping[str, str]) -> str:
     """A state or input as the derivation calls it."""
     owner, _, slot = name.rpartition(".")
-    return names_of.velocity(name, "") if owner and slot else names_of.symbol(name)
+    return names_of.velocity(name, "") if owner and slot else names_of.symbol(name, given)
 
 
 def _equations(study: Study, record: Linearized) -> str:
@@ -137,10 +137,11 @@ def _equations(study: Study, record: Linearized) -> str:
     n = len(record.states)
     A = np.array(record.A).reshape(n, n)[np.ix_(places, places)]
     B = np.array(record.B).reshape(n, len(record.inputs))[places]
-    states = _column([record.states[k] for k in places])
+    given = dict(study.equations.system.model.symbols)
+    states = _column([record.states[k] for k in places], given)
     right = f"{_matrix(_without_roundoff(A))} {states}"
     if record.inputs:
-        right += f" + {_matrix(_without_roundoff(B))} {_column(record.inputs)}"
+        right += f" + {_matrix(_without_roundoff(B))} {_column(record.inputs, given)}"
     text = rf"\frac{{\mathrm{{d}}}}{{\mathrm{{d}}t}} {states} = {right}"
     formula = mathml(text, True).replace("<math", f'<math style="--w:{letters(text):.0f}"', 1)
     return f'<div class="equation">{formula}</div>'

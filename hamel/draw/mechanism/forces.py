@@ -40,9 +40,9 @@ def inputs(scene: Scene) -> list[Note]:
         owner, coordinate = rates.get(x.velocity, ("", ""))
         anchor = next((a for a in scene.anchors if a.name in (owner, coordinate)), None)
         if anchor is None:
-            notes += _on_point(scene, coordinate, symbol(x.name))
+            notes += _on_point(scene, coordinate, symbol(scene, x.name))
         elif not driving(scene, anchor):
-            notes += _driven(scene, anchor, x.velocity, coordinate, symbol(x.name))
+            notes += _driven(scene, anchor, x.velocity, coordinate, symbol(scene, x.name))
     for x in scene.model.loads:
         if isinstance(x, Force | Torque):
             notes += _load(scene, x)
@@ -132,8 +132,10 @@ def _load(scene: Scene, x: Force | Torque) -> list[Note]:
     axes = pose.rotation if x.frame == "body" else np.eye(3)
     direction = axes @ _driven_by_ones(scene, x.components)
     if isinstance(x, Force):
-        return _force(scene, pose.point(scene.numbers.vector(x.point)), direction, symbol(x.name))
-    return _moment(scene, pose.point(scene.com(index)), direction, symbol(x.name))
+        return _force(
+            scene, pose.point(scene.numbers.vector(x.point)), direction, symbol(scene, x.name)
+        )
+    return _moment(scene, pose.point(scene.com(index)), direction, symbol(scene, x.name))
 
 
 def _wrench(scene: Scene, x: Wrench) -> list[Note]:
@@ -143,7 +145,9 @@ def _wrench(scene: Scene, x: Wrench) -> list[Note]:
     at = pose.point(scene.numbers.vector(frame.at.position))
     axes = pose.rotation @ own_axes(scene, frame) if x.axes == "frame" else np.eye(3)
     force, moment = (axes @ _driven_by_ones(scene, part) for part in (x.force, x.moment))
-    return _force(scene, at, force, symbol(x.name)) + _moment(scene, at, moment, symbol(x.name))
+    return _force(scene, at, force, symbol(scene, x.name)) + _moment(
+        scene, at, moment, symbol(scene, x.name)
+    )
 
 
 def _driven_by_ones(scene: Scene, components: Sequence[Expression]) -> Vector:

@@ -80,7 +80,7 @@ def driving(scene: Scene, anchor: Anchor) -> str:
     own = [v.name for v in scene.model.velocities if v.owner == anchor.name]
     if anchor.type != "revolute" or scene.view.flat:
         return ""
-    latex = ", ".join(symbol(x.name) for x in scene.model.inputs if x.velocity in own)
+    latex = ", ".join(symbol(scene, x.name) for x in scene.model.inputs if x.velocity in own)
     return latex if extent(latex)[0] < MERGED else ""
 
 
@@ -98,8 +98,9 @@ def point_coordinates(scene: Scene, wanted: Sequence[str]) -> list[Note]:
     return notes
 
 
-def symbol(name: str) -> str:
-    return names.symbol(name)
+def symbol(scene: Scene, name: str) -> str:
+    """What the derivation calls it too."""
+    return names.symbol(name, dict(scene.model.symbols))
 
 
 def arm(scene: Scene, anchor: Anchor) -> Vector:
@@ -131,7 +132,8 @@ def _angle(scene: Scene, anchor: Anchor) -> Note:
     far = polar(at, radius + 9, start)
     marks = (Mark("reference", (at, far)), *arrow("dimension", line))
     middle = start + sweep / 2
-    label = Label(symbol(name), "coordinate", polar(at, radius, middle), headings(middle), 5.0)
+    where = polar(at, radius, middle)
+    label = Label(symbol(scene, name), "coordinate", where, headings(middle), 5.0)
     return Note(marks, (label,))
 
 
@@ -165,7 +167,7 @@ def arc(at: Point, radius: float, start: float, sweep: float) -> list[Point]:
 def _turn(scene: Scene, anchor: Anchor, name: str, input_name: str = "") -> Note:
     """In space: an arrow around the axis, beside the joint."""
     axis = scene.pose(anchor.bodies[0]).rotation @ anchor.axes[0]
-    latex = f"{symbol(name)}, {input_name}" if input_name else symbol(name)
+    latex = f"{symbol(scene, name)}, {input_name}" if input_name else symbol(scene, name)
     return about(scene, scene.place(anchor.spot(0)), axis, latex, "dimension")
 
 
@@ -221,7 +223,7 @@ def _slide(scene: Scene, anchor: Anchor) -> Note:
         last = scene.view.paper(start + reach * axis)
     if scene.view.flat and axis @ scene.view.right >= -0.1:
         side = -1.0
-    return dimension(first, last, symbol(name), side * (OFFSET + 8 * scene.view.flat))
+    return dimension(first, last, symbol(scene, name), side * (OFFSET + 8 * scene.view.flat))
 
 
 def dimension(first: Point, last: Point, latex: str, beside: float) -> Note:
@@ -252,7 +254,7 @@ def _platform(scene: Scene, anchor: Anchor) -> list[Note]:
         notes.append(_tilt(scene, anchor, axes[0], angle))
     else:
         normal = cross(axes[0], axes[1])
-        notes.append(about(scene, end, normal, symbol(angle), "dimension"))
+        notes.append(about(scene, end, normal, symbol(scene, angle), "dimension"))
     return notes
 
 
@@ -287,7 +289,7 @@ def _offsets(
         if math.dist(first, last) >= LEAST:
             middle = ((first[0] + last[0]) / 2, (first[1] + last[1]) / 2)
             way = math.degrees(math.atan2(first[1] - last[1], last[0] - first[0]))
-            label = Label(symbol(name), "coordinate", middle, (way - 90, way + 90), 4.0)
+            label = Label(symbol(scene, name), "coordinate", middle, (way - 90, way + 90), 4.0)
             notes.append(Note(tuple(arrow("dimension", [first, last])), (label,)))
         here = there
     return notes
@@ -303,7 +305,8 @@ def _tilt(scene: Scene, anchor: Anchor, level: Vector, name: str) -> Note:
     reference = Mark("reference", (at, polar(at, radius + 12, start)))
     own = Mark("reference", (at, polar(at, radius + 12, start + sweep)))
     middle = start + sweep / 2
-    label = Label(symbol(name), "coordinate", polar(at, radius, middle), headings(middle), 5.0)
+    where = polar(at, radius, middle)
+    label = Label(symbol(scene, name), "coordinate", where, headings(middle), 5.0)
     return Note((reference, own, *arrow("dimension", line)), (label,))
 
 
@@ -318,7 +321,7 @@ def _free(scene: Scene, anchor: Anchor) -> list[Note]:
     sequence = anchor.orientation if len(anchor.orientation) == 3 else ""
     for k, (letter, name) in enumerate(zip(sequence, anchor.coordinates[3:])):
         axis = frame[:, "xyz".index(letter)]
-        notes.append(about(scene, end, axis, symbol(name), "dimension", 40.0 + 4 * k))
+        notes.append(about(scene, end, axis, symbol(scene, name), "dimension", 40.0 + 4 * k))
         frame = frame @ _rotation(letter, scene.numbers.names[name])
     return notes
 
@@ -337,7 +340,7 @@ def _universal(scene: Scene, anchor: Anchor) -> list[Note]:
     notes = [_turn(scene, anchor, anchor.coordinates[0])]
     if anchor.axis2 is not None and len(anchor.coordinates) > 1:
         axis = scene.pose(anchor.bodies[1]).rotation @ anchor.axis2
-        name = symbol(anchor.coordinates[1])
+        name = symbol(scene, anchor.coordinates[1])
         notes.append(about(scene, scene.place(anchor.spot(1)), axis, name, "dimension"))
     return notes
 

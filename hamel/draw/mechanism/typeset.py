@@ -17,7 +17,10 @@ LETTERS = {
     "Omega": "Ω",
 }  # fmt: skip
 _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|[_^{}]|.", re.DOTALL)
-_DOTS = {"dot": "\u0307", "ddot": "\u0308"}
+_ACCENTS = {
+    "dot": "\u0307", "ddot": "\u0308", "hat": "\u0302", "bar": "\u0304", "tilde": "\u0303"
+}  # fmt: skip
+_VARIANTS = {"varepsilon": "ε", "vartheta": "ϑ", "varphi": "φ", "ell": "ℓ"}
 _UPRIGHT = {"mathrm": "upright", "text": "upright", "mathbf": "bold"}
 
 
@@ -57,12 +60,14 @@ def _piece(tokens: list[str], k: int, look: str, level: int) -> tuple[list[Run],
     name = token[1:] if token.startswith("\\") else ""
     if name in _UPRIGHT and k + 1 < len(tokens):
         return _piece(tokens, k + 1, _UPRIGHT[name], level)
-    if name in _DOTS and k + 1 < len(tokens):
+    if name in _ACCENTS and k + 1 < len(tokens):
         inner, k = _piece(tokens, k + 1, look, level)
         word = inner[-1].text
         middle = (len(word) + 1) // 2  # a mark stands over the letter before it
-        dotted = word[:middle] + _DOTS[name] + word[middle:]
+        dotted = word[:middle] + _ACCENTS[name] + word[middle:]
         return [*inner[:-1], Run(dotted, inner[-1].look, level)], k
+    if name in _VARIANTS:
+        return [Run(_VARIANTS[name], "italic", level)], k + 1
     if name in LETTERS:
         return [Run(LETTERS[name], "italic" if name[0].islower() else "upright", level)], k + 1
     digit = token.isdigit()
@@ -98,7 +103,7 @@ def _width(run: Run) -> float:
 
 def _letter(c: str) -> float:
     """In sizes: above what Times, DejaVu Serif and system fonts need."""
-    if c in "\u0307\u0308":
+    if c in _ACCENTS.values():
         return 0.0
     if c in "ijlI.,:;'|()[] 1":
         return 0.42

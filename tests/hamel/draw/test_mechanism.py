@@ -286,3 +286,12 @@ def test_a_wrench_is_a_force_and_a_moment_at_its_frame():
 def test_a_page_stands_without_a_figure_that_cannot_be_drawn():
     text = "model: m\ncoordinates: {x: m}\nkinetic: der(x)^2*1 kg\nconstraints: {c: {holonomic: x^2 + 1 m^2}}\n"
     assert picture(system(load_text(text))) is None
+
+
+def test_coordinates_are_called_as_the_file_says_and_as_the_derivation_does() -> None:
+    """`symbol:` of a joint reaches its figure, accents and all."""
+    text = (MODELS / "rolling_disk.yaml").read_text("utf-8")
+    drawn = svg(figure(system(load_text(text))))
+    assert ">ψ<" in drawn and ">θ<" in drawn and "yaw" not in re.sub(r"<desc.*?</desc>", "", drawn)
+    hat = load_text(text.replace(r"\psi", r"'\hat{x}'"))
+    assert "x\u0302" in svg(figure(system(hat)))

@@ -150,3 +150,9 @@ def test_what_builds_the_site_comes_with_what_its_commands_need() -> None:
     """Pages are run when the site is built, sweeps and other optional verbs among them."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     assert "hamel[cluster,data,identify]" in extras["optional-dependencies"]["docs"]
+
+
+def test_no_command_that_is_run_with_the_site_asks_another_machine(execution) -> None:
+    for page in execution.EXECUTED:
+        blocks = execution.FENCE.findall(execution._whole(DOCS / page))
+        assert not [text for language, text in blocks if language == "sh" and "://" in text], page

@@ -39,7 +39,7 @@ def page(study: Study, sweep: Sweep, ranges: Sequence[Range], record: Linearized
     modes and sensitivities."""
     shapes, drawing = modes(study), picture(study.equations.system)
     parts = [
-        ("In one line", f"<p>{_verdict(record, shapes)}</p>"),
+        ("In one line", f"<p>{_verdict(study, record, shapes)}</p>"),
         ("The steady motion", _motion(study, record)),
         ("The linear equations", _equations(study, record)),
         ("Zeros that are taken out", _zeros(study, record)),
@@ -70,10 +70,11 @@ def _row(tag: str, cells: Sequence[str]) -> str:
     return "<tr>" + "".join(f"<{tag}>{cell}</{tag}>" for cell in cells) + "</tr>"
 
 
-def _verdict(record: Linearized, shapes: Sequence[Mode]) -> str:
-    """Whether anything grows, and where that changes."""
+def _verdict(study: Study, record: Linearized, shapes: Sequence[Mode]) -> str:
+    """Whether anything grows, and where that changes; parameters stand in the next section."""
     growing = [mode.eigenvalue for mode in shapes if mode.eigenvalue.real > GROWING]
-    here = ", ".join(f"{escape(name)} = {value:.4g}" for name, value in record.values.items())
+    free = [name for name in record.values if name in study.problem.motion.sweepable]
+    here = ", ".join(f"{escape(name)} = {record.values[name]:.4g}" for name in free)
     place = f" at {here}" if here else ""
     if growing:
         fastest = max(growing, key=lambda x: x.real)
@@ -139,12 +140,19 @@ def _equations(study: Study, record: Linearized) -> str:
     B = np.array(record.B).reshape(n, len(record.inputs))[places]
     given = dict(study.equations.system.model.symbols)
     states = _column([record.states[k] for k in places], given)
-    right = f"{_matrix(_without_roundoff(A))} {states}"
+    pieces = [
+        rf"\frac{{\mathrm{{d}}}}{{\mathrm{{d}}t}} {states} =",
+        f"{_matrix(_without_roundoff(A))} {states}",
+    ]
     if record.inputs:
-        right += f" + {_matrix(_without_roundoff(B))} {_column(record.inputs, given)}"
-    text = rf"\frac{{\mathrm{{d}}}}{{\mathrm{{d}}t}} {states} = {right}"
-    formula = mathml(text, True).replace("<math", f'<math style="--w:{letters(text):.0f}"', 1)
-    return f'<div class="equation">{formula}</div>'
+        pieces.append(f"{{}} + {_matrix(_without_roundoff(B))} {_column(record.inputs, given)}")
+    return f'<div class="equation">{" ".join(map(_fitted, pieces))}</div>'
+
+
+def _fitted(latex: str) -> str:
+    """One part of an equation, which gets smaller where the screen is narrower; a line may end
+    after it."""
+    return mathml(latex, True).replace("<math", f'<math style="--w:{letters(latex):.0f}"', 1)
 
 
 def _without_roundoff(matrix: np.ndarray) -> np.ndarray:
@@ -214,7 +222,7 @@ def _along(sweep: Sweep, record: Linearized) -> list[tuple[str, str]]:
 def _critical(name: str, record: Linearized) -> str:
     """Where something happens, and where no mode grows."""
     rows = [
-        (KINDS[c.kind], f"{c.value:.15g}", _complex(complex(*c.eigenvalue)))
+        (KINDS[c.kind], f"{c.value:.11g}", _complex(complex(*c.eigenvalue)))
         for c in record.critical
     ]
     head = ("what happens", f"at {name}", "eigenvalue (1/s)")
@@ -247,7 +255,8 @@ def _coarse(r: Range) -> Range:
 def _complex(x: complex) -> str:
     if abs(x) < NOTHING:
         return "0"
-    return f"{x.real:.6g}" if x.imag == 0 else f"{x.real:.6g} ± {abs(x.imag):.6g} i"
+    real = 0.0 if abs(x.real) < ROUNDOFF * abs(x) else x.real
+    return f"{real:.6g}" if x.imag == 0 else f"{real:.6g} ± {abs(x.imag):.6g} i"
 
 
 def _modes(study: Study, shapes: Sequence[Mode]) -> str:
@@ -278,9 +287,12 @@ def _slope(x: complex | None) -> str:
     """A double eigenvalue has none."""
     if x is None:
         return "double"
-    if abs(x.imag) < REAL * abs(x) or x == 0:
+    if abs(x) < NOTHING:
+        return "0"
+    if abs(x.imag) < REAL * abs(x):
         return f"{x.real:.4g}"
-    return f"{x.real:.4g} {'+' if x.imag > 0 else '−'} {abs(x.imag):.4g} i"
+    real = 0.0 if abs(x.real) < ROUNDOFF * abs(x) else x.real
+    return f"{real:.4g} {'+' if x.imag > 0 else '−'} {abs(x.imag):.4g} i"
 
 
 def _strongest(mode: Mode) -> list[str]:

@@ -6,6 +6,7 @@ Of hamel.linear: figure, limits, page, plots, ranges, sweep, words.
 """
 
 import re
+from html import unescape
 from xml.etree import ElementTree
 
 import casadi as ca
@@ -345,6 +346,7 @@ def test_the_page_is_one_file_without_network(tmp_path):
     text = (tmp_path / "hoop.html").read_text(encoding="utf-8")
     assert record.page == tmp_path / "hoop.html"
     assert "<math" in text and "<animate " in text and "2.4761361028" in text
+    assert not re.search(r"e-1[4-9]|e-[23]\d", text[text.index("What the eigenvalues depend on") :])
     assert not re.search(r"<script|<link|@import|url\(|src=", text)
     assert set(re.findall(r"https?://[^\"' <]+", text)) <= {"http://www.w3.org/2000/svg"}
     ElementTree.fromstring(re.search(r"<svg.*?</svg>", text, re.DOTALL)[0])
@@ -519,3 +521,19 @@ def test_the_metre_does_not_matter(size):
     x = np.concatenate([start.q, [0.0]])
     at = ca.Function("margins", [a.symbols for a in chosen.arguments], [ca.vertcat(*margins)])
     assert np.min(np.abs(at(0.0, x, [], chosen.parameters).full())) > 1e3
+
+
+def test_the_page_of_a_bicycle_gives_its_verdict_in_one_line(tmp_path):
+    """Not with the 25 parameters; rounding is no real part, letters are those of the file, and the
+    equation is in parts, each of which fits a narrow screen."""
+    record = hamel.linearize(
+        MODELS / "bicycle.yaml", sweep={"speed": "0:10:5"}, out=tmp_path / "bicycle.html"
+    )
+    page = record.page.read_text("utf-8")
+    verdict = re.search(r"In one line</h2>\s*<p>(.*?)</p>", page, re.DOTALL)[1]
+    assert "No mode grows at speed = 5." in verdict and "IRxx" not in verdict
+    assert "<td>0 ± 3.43503 i</td>" in page and "<td>6.0242620154</td>" in page
+    equation = re.search(r'<div class="equation">(.*?)</div>', page, re.DOTALL)[1]
+    assert (
+        equation.count("<math") == 3 and "&#x003D5;" not in equation and "φ" in unescape(equation)
+    )

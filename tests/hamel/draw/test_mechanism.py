@@ -209,7 +209,7 @@ def test_small_models(text):
 def test_size_does_not_matter(unit):
     """The same mechanism a billion times as large is the same drawing."""
     text = (MODELS / "four_bar.yaml").read_text().replace("0.1 m]", f"0.1 {unit}]")
-    text = re.sub(r"(l\d: [\d.]+) m", rf"\1 {unit}", text)
+    text = re.sub(r"(l\d: \{value: [\d.]+) m", rf"\1 {unit}", text)
     scaled, usual = (
         check(system(load_text(x))) for x in (text, (MODELS / "four_bar.yaml").read_text())
     )

@@ -308,7 +308,9 @@ class Manuscript:
         """What is printed, for the test that evaluates it."""
         value = self.notation.in_basic_symbols(value)
         entries = sympy.ImmutableDenseMatrix(right)
-        self._conditions = self._conditions or entries.has(sympy.Piecewise)
+        self._conditions = self._conditions or any(
+            x.has(sympy.Piecewise) for row in right for x in row
+        )
         self.printed.append(Printed(name, latex, tuple(left), entries, value))
 
     def formula(self, expression: Expression | float, about: str) -> Math:

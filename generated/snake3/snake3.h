@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "50c3b959ea4ee90175f55dbf49b40bb3"
+#define SNAKE3_PROGRAM "b7429ef5cf9d4d5027315619a5803efe"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2
@@ -89,7 +89,7 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
 int snake3_bias(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
 /* forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): out[5].
-   82 operations; reads x, p.
+   77 operations; reads x, p.
    In the place of the state: x[15] = x, y, th, phi1, phi2, base.vx, base.vy, base.w, der(phi1), der(phi2), der(base.vx), der(base.vy), der(base.w), der(der(phi1)), der(der(phi2)). */
 int snake3_inverse_dynamics(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 

@@ -301,7 +301,7 @@ def _gathered(queue: Queue, t: np.ndarray, lead: Lead, inputs: Any, error: Any) 
     """Everything in the shape of the leading axes; a remark where motions ended early, with what a
     function raised."""
     facts, watch = queue.by.facts, queue.by.watch
-    rows = {name: _shaped(value, lead) for name, value in queue.rows_out.items()}
+    rows: dict[str, Any] = {name: _shaped(value, lead) for name, value in queue.rows_out.items()}
     counts: dict[str, Any] = {
         name: queue.ends[name].reshape(lead) for name in ("status", *facts.counted)
     }
@@ -316,7 +316,8 @@ def _gathered(queue: Queue, t: np.ndarray, lead: Lead, inputs: Any, error: Any) 
     if watch:
         times, states, which, row = queue.log.arrays(watch.width)
         happened = Events(watch.names, times, states[:, : facts.nx], which, row)
-    return Simulation(t=t, **rows, **counts, u=inputs, events=happened)
+    rows |= {"u": inputs, "events": happened, "integrator": queue.by.integrator}
+    return Simulation(t=t, **rows, **counts)
 
 
 def _shaped(value: np.ndarray, lead: Lead) -> np.ndarray:

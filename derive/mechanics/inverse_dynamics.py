@@ -1,6 +1,6 @@
 """M v̇ + h on a tree, in as few operations as its numbers allow.
 
-Newton–Euler from base to tip and back, as in derive.mechanics.accelerations, with four liberties
+Newton–Euler from base to tip and back, as in derive.mechanics.accelerations, with five liberties
 that change no result:
 
 * a link's point may be any point of the axis it turns about: the one that leaves the shorter arms;
@@ -9,6 +9,7 @@ that change no result:
   across it the one that leaves fewest operations: the base parameters, folded in;
 * links that turn about parallel axes, one after the other, are all seen from the axes before the
   first turn: angles and rates about the common axis add up;
+* a body whose numbers are parameters may keep the point about which its file gives them;
 * at the end of a branch axes may be turned about the joint's: so that the first moment has one
   entry, or not at all where the link looks the same from all sides.
 
@@ -21,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from derive.expressions.counting import cheapest
 from derive.expressions.scalars import Matrix, Scalar, Vector
@@ -59,7 +60,8 @@ class Stem:
 
     `turn` is None where the joint is not one turn about x, y or z; both sides of it are then the
     same. `motion` per joint velocity (ω, v), `point` P in the link's frame and `arm` from the
-    carrier's P in the carrier's axes. `unseen`: own axes are those before the turn.
+    carrier's P in the carrier's axes. `unseen`: own axes are those before the turn. `reach`: from
+    the joint's point to P in own axes; nothing where P is a point of the axis.
     """
 
     parent: int
@@ -71,6 +73,7 @@ class Stem:
     point: Vector
     arm: Vector
     unseen: bool = False
+    reach: Vector = field(default_factory=lambda: list(NONE))
 
 
 def joint_forces_of_motion(
@@ -86,20 +89,18 @@ def joint_forces_of_motion(
         moved(moved(link.inertia, (), [-x for x in stem.point]), stem.own, NONE)
         for link, stem in zip(links, stems)
     ]
-    sets = [_regrouped(stems, bodies)]
-    if len(links) <= FEW and not all(_is_number(own) for own in bodies):
-        sets.append([body(own) for own in bodies])
-    ways = [_leaves(stems, found) for found in sets]
+    few, alone = len(links) <= FEW, list(range(len(links)))
+    seated = [_leaves(stems, _regrouped(stems, bodies))]
+    open_numbers = few and not all(_is_number(own) for own in bodies)
+    if open_numbers:
+        seated.append(_leaves(stems, [body(own) for own in bodies]))
     groups = [_heads(stems, True)]
-    if len(links) <= FEW and groups[0] != list(range(len(links))):
+    if few and groups[0] != alone:
         groups.append(_heads(stems, False))
-    return cheapest(
-        [
-            _Motion(seats, found, heads, (v, vdot, gravity)).forces()
-            for seats, found in ways
-            for heads in groups
-        ]
-    )
+    ways = [(*found, heads) for found in seated for heads in groups]
+    if open_numbers:
+        ways.append((*_about_origins(links, stems), alone))
+    return cheapest([_Motion(*way, (v, vdot, gravity)).forces() for way in ways])
 
 
 # ---- where links sit
@@ -257,6 +258,17 @@ def _products(turning: Sequence[Vector], carrier: int, arm: Vector) -> int:
     alone = sum(map(bool, about)) == 1
     costs = [(0 if about[k] else 3) if alone else 5 for k in range(3)]
     return sum(cost for cost, x in zip(costs, arm) if not is_zero(x)) if carrier >= 0 else 0
+
+
+def _about_origins(links: Sequence[Link], stems: Sequence[Stem]) -> tuple[list[Stem], list[Body]]:
+    """With the points about which the file gives the bodies' numbers. About a mass centre these
+    make no products with one another: neither m r nor I + m r²."""
+    seats: list[Stem] = []
+    for link, stem in zip(links, stems):
+        carrier = stems[link.parent].own if link.parent >= 0 else ()
+        arm, reach = _spun(carrier, list(link.a)), _spun(stem.own, [minus(0.0, x) for x in link.b])
+        seats.append(replace(stem, point=list(NONE), arm=arm, reach=reach))
+    return seats, [body(moved(link.inertia, stem.own, NONE)) for link, stem in zip(links, stems)]
 
 
 # ---- base parameters
@@ -442,8 +454,12 @@ class _Motion:
         )
         if stem.turn is not None:
             chain: Rotation = () if stem.unseen else (stem.turn,)
-            return _turned(start, (rates[0][0], rates[1][0]), chain)
-        return _moved_on(start, rates[0], rates[1])
+            found = _turned(start, (rates[0][0], rates[1][0]), chain)
+        else:
+            found = _moved_on(start, rates[0], rates[1])
+        if _is_nothing(stem.reach):
+            return found
+        return replace(found, own=sum_of(found.own, found.spin.swung(stem.reach)))
 
     def _joined(self, i: int, swing: Vector, rates: list[Pair]) -> _State:
         """To a row of parallel axes."""
@@ -466,7 +482,8 @@ class _Motion:
         row = [(list(NONE), list(NONE)) for _ in self.stems]  # of links beyond, before the turns
         for i in reversed(range(len(self.stems))):
             stem, state = self.stems[i], self.states[i]
-            turned = _spun(state.chain, own[i][0]), _spun(state.chain, own[i][1])
+            at_joint = sum_of(own[i][0], cross(stem.reach, own[i][1]))
+            turned = _spun(state.chain, at_joint), _spun(state.chain, own[i][1])
             n, f = sum_of(turned[0], row[i][0]), sum_of(turned[1], row[i][1])
             for motion, j in zip(stem.motion, stem.columns):
                 result[j] = dot([*motion[0], *motion[1]], [*n, *f])

@@ -10,6 +10,7 @@ from derive.model.build import built
 from derive.model.document import LARGEST, Source, content, decoded, parsed
 from derive.model.expansion import expanded
 from derive.model.kinds import KINDS
+from derive.model.memory import without_collections
 from derive.model.records import Model
 from derive.model.shape import json_schema
 from derive.model.structure import structured
@@ -27,7 +28,8 @@ def load_text(text: str, file: str = "<text>", folder: Path | None = None) -> Mo
     """The same for text in memory; `file` is its name in messages, `folder` where the files stand
     that it refers to."""
     source = Source(text, file, folder)
-    return built(structured(expanded(parsed(source), source), source), source)
+    with without_collections():
+        return built(structured(expanded(parsed(source), source), source), source)
 
 
 def schema() -> dict[str, Any]:

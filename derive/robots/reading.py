@@ -17,6 +17,7 @@ from derive.diagnostics import Diagnostic, ModelError, listed
 from derive.expressions.limits import BELOW, too_large
 from derive.model.bodies import WAIVER
 from derive.model.builder import Model as BuiltModel
+from derive.model.memory import without_collections
 from derive.model.records import Model
 from derive.robots import ROBOTS, File, RobotFile, mjcf, urdf
 from derive.robots.friction import smooth
@@ -77,7 +78,12 @@ def imported(path: File, floating: bool = False) -> Imported:
     """A URDF or MJCF file as a model; ModelError with places in that file for everything wrong with
     it."""
     file = path if isinstance(path, RobotFile) else RobotFile(path)
-    robot = _robot(replace(file, floating=file.floating or floating))
+    with without_collections():
+        return _imported(replace(file, floating=file.floating or floating))
+
+
+def _imported(file: RobotFile) -> Imported:
+    robot = _robot(file)
     _check_size(robot)
     _check_numbers(robot)
     gather(robot)
@@ -87,13 +93,13 @@ def imported(path: File, floating: bool = False) -> Imported:
     if file.parameters:
         _check_kind(file.parameters)
         name_inertial(robot)
-    text = text_of(robot, Path(path).name)
+    text = text_of(robot, Path(file).name)
     joints = {
         joint.place.get("name"): joint.name
         for joint in robot.joints
         if joint.place.tag in ("joint", "freejoint")
     }
-    result = _model(text, robot, path)
+    result = _model(text, robot, file)
     left_out = tuple(f"left out: {sentence}" for sentence in robot.left_out)
     return Imported(
         replace(result, notes=(*robot.assumed, *result.notes, *left_out)),

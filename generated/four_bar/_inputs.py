@@ -49,6 +49,8 @@ class Source:
     @property
     def lead(self) -> tuple[int, ...]:
         """Leading axes of the tables."""
+        if not self.tables:
+            return ()
         shapes = [np.shape(table.times)[:-1] for table in self.tables.values()]
         shapes += [np.shape(table.values)[:-1] for table in self.tables.values()]
         return np.broadcast_shapes(*shapes)

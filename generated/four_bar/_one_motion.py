@@ -48,6 +48,12 @@ class Integration:
     watch: Watch | None = None
     remarks: list[str] = field(default_factory=list[str])
 
+    @property
+    def integrator(self) -> str:
+        """Its name."""
+        number: int = self.how["integrator"]
+        return self.facts.integrators[number]
+
     def states(self, start: Any, x: Any, rows: int = 1) -> np.ndarray:
         """Simulations at their start."""
         states = np.zeros(rows, self.facts.state)
@@ -152,7 +158,8 @@ class Single:
         if facts.frame:
             own = np.tile(self.course.p[: -facts.frame], (t.size, 1))
             rows["p"] = np.hstack([own, rows.pop("frame")])
-        found = Simulation(t, **rows, **counts, status=status, u=inputs, events=self.events())
+        rows |= {"u": inputs, "events": self.events(), "integrator": self.by.integrator}
+        found = Simulation(t, **rows, **counts, status=status)
         if status and status != Status.EVENT:
             self._raise(found, callback)
         return found

@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "a3abd581a4a978e08777b99b883fa8e6"
+PROGRAM = "b7429ef5cf9d4d5027315619a5803efe"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 2, 3
 DEFAULTS = np.array([0.3, 1.0, 0.0075], dtype=float)

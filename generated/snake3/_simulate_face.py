@@ -52,10 +52,9 @@ def run(facts: Facts, backend: Backend, request: Request) -> Simulation:
     found, remarks = _found(facts, backend, request)
     for remark in remarks:  # for who called simulate() of the package
         warnings.warn(remark, RuntimeWarning, stacklevel=4)
-    method = facts.methods[_number("integrator", request.integrator, facts.integrators)]
-    found = replace(found, integrator=method.name)
     if not request.error:
         return found
+    method = facts.methods[facts.integrators.index(found.integrator)]
     companion = _companion(facts, backend, request, found, method)
     apart = estimate(found, companion, method.order, request.rtol)
     if facts.frame:
@@ -145,9 +144,8 @@ def _times(facts: Facts, request: Request) -> tuple[np.ndarray, np.ndarray]:
     if not span.ndim or not span.shape[-1] or not t.ndim or not t.shape[-1]:
         raise ValueError(TIMES)
     start = span[..., 0]
-    if np.any(np.diff(t) < 0) or np.any(t[..., 0] < start):
-        raise ValueError(TIMES)
-    if not (np.isfinite(t).all() and np.isfinite(start).all()):
+    decreasing = (t[..., 1:] < t[..., :-1]).any() or (t[..., 0] < start).any()
+    if decreasing or not (np.isfinite(t).all() and np.isfinite(start).all()):
         raise ValueError(TIMES)
     return start, t
 

@@ -358,7 +358,7 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
     return SNAKE3_OK;
 }
 
-/* forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): 82 operations */
+/* forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from (q, v, v̇): 77 operations */
 int snake3_inverse_dynamics(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -389,37 +389,36 @@ int snake3_inverse_dynamics(double t, const double *x, const double *u, const do
     const double z1 = der_base_vx - base_w * base_vy;
     const double z2 = l / 2.0;
     const double z3 = z1 + base_w * z2 * base_w;
-    const double z4 = der_base_vy + base_w * base_vx;
-    const double z5 = z4 - z2 * der_base_w;
-    const double z6 = cos_phi1 * z3 + sin_phi1 * z5;
-    const double z7 = base_w + der_phi1;
-    const double z8 = z7 * z7;
-    const double z9 = z6 + l * z8;
-    const double z10 = z3 * sin_phi1 - cos_phi1 * z5;
-    const double z11 = der_base_w + der_der_phi1;
-    const double z12 = z10 + l * z11;
-    const double z13 = z9 * sin_phi2 + cos_phi2 * z12;
-    const double z14 = m * z2;
-    const double z15 = z11 + der_der_phi2;
-    const double z16 = m * z13 + z14 * z15;
-    const double z17 = z7 + der_phi2;
-    const double z18 = z14 * z17 * z17 + m * (cos_phi2 * z9 - sin_phi2 * z12);
-    const double z19 = z14 * z8 + m * z6 + cos_phi2 * z18 + sin_phi2 * z16;
-    const double z20 = sin_phi2 * z18 - cos_phi2 * z16;
-    const double z21 = m * z10 + z14 * z11 - z20;
-    const double z22 = m * z1 + sin_phi1 * z21 + cos_phi1 * z19;
-    const double z23 = sin_phi1 * z19 - cos_phi1 * z21;
-    const double z24 = m * z4 + z23;
-    const double z25 = J + z2 * z14;
-    const double z26 = z15 * z25 + z14 * z13;
-    const double z27 = z11 * z25 + z14 * z10 + z26 - l * z20;
-    const double z28 = der_base_w * J + z27 - z2 * z23;
+    const double z4 = der_base_w + der_der_phi1;
+    const double z5 = z2 * z4;
+    const double z6 = der_base_vy + base_w * base_vx;
+    const double z7 = z6 - z2 * der_base_w;
+    const double z8 = z3 * sin_phi1 + z5 - cos_phi1 * z7;
+    const double z9 = base_w + der_phi1;
+    const double z10 = z2 * z9 * z9;
+    const double z11 = cos_phi1 * z3 + z10 + sin_phi1 * z7;
+    const double z12 = z10 + z11;
+    const double z13 = z9 + der_phi2;
+    const double z14 = z5 + z8;
+    const double z15 = cos_phi2 * z12 + z2 * z13 * z13 - sin_phi2 * z14;
+    const double z16 = m * z15;
+    const double z17 = z4 + der_der_phi2;
+    const double z18 = m * (z12 * sin_phi2 + z2 * z17 + cos_phi2 * z14);
+    const double z19 = sin_phi2 * z16 - cos_phi2 * z18;
+    const double z20 = m * z8 - z19;
+    const double z21 = m * z11 + cos_phi2 * z16 + sin_phi2 * z18;
+    const double z22 = m * z1 + cos_phi1 * z21 + sin_phi1 * z20;
+    const double z23 = sin_phi1 * z21 - cos_phi1 * z20;
+    const double z24 = m * z6 + z23;
+    const double z25 = z17 * J + z2 * z18;
+    const double z26 = z4 * J + z25 - z2 * z19 + z2 * z20;
+    const double z27 = der_base_w * J + z26 - z2 * z23;
 
     out[0] = z22; /* base.vx */
     out[1] = z24; /* base.vy */
-    out[2] = z28; /* base.w */
-    out[3] = z27; /* der(phi1) */
-    out[4] = z26; /* der(phi2) */
+    out[2] = z27; /* base.w */
+    out[3] = z26; /* der(phi1) */
+    out[4] = z25; /* der(phi2) */
     (void)t;
     (void)u;
 

@@ -12,8 +12,9 @@ from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, slope, worst
 from hamel.verify.checks.evidence import Evidence, Sample, Terms
 from hamel.verify.limits import SOLVED
-from hamel.verify.reference.outcome import energies, mass, state_of
+from hamel.verify.reference.outcome import Kinematics, energies, mass, state_of
 from hamel.verify.reference.saddle import condition_of, saddle, solved
+from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
 # tolerance of what is differentiated by differences; what two step sizes disagree by counts as no
@@ -177,9 +178,7 @@ def _newton(e: Evidence, by_mass: bool) -> float:
     for s, x in zip(e.samples, e.astray):
         there = state_of(e.reference, s.t, x[: len(s.q)], s.v, s.u, s.full)
         k = e.kinematics(there)
-        metric, unit = (
-            (mass(e.reference, there, k), e.units.M) if by_mass else (np.eye(len(s.v)), 1.0)
-        )
+        metric, unit = _metric(e, there, k, by_mass)
         matrix = saddle(metric, k.A[closing])
         step, _ = solved(matrix, np.concatenate([np.zeros(len(s.v)), -k.phi[phi]]), redundant=False)
         ours.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
@@ -188,6 +187,13 @@ def _newton(e: Evidence, by_mass: bool) -> float:
     sums = Sums(SOLVED, [1.0 + worst(x[: len(e.units.q)] / e.units.q) for x in e.astray])
     relax = np.maximum(conditions, e.conditions)
     return deviation(ours, wanted, relax, unit=e.units.q, sums=sums)
+
+
+def _metric(e: Evidence, there: State, k: Kinematics, by_mass: bool) -> tuple[Array, Array | float]:
+    """M or the unit matrix, with its units: what a step of `project` is least in."""
+    if by_mass:
+        return mass(e.reference, there, k), e.units.M
+    return np.eye(k.A.shape[1]), 1.0
 
 
 def velocity_step(e: Evidence) -> float | None:
@@ -215,9 +221,7 @@ def _velocity_step(e: Evidence, steps: list[Array], by_mass: bool) -> float:
         v = e.graph("velocity", s.t, x, s.u, s.p)
         there = state_of(e.reference, s.t, q, v, s.u, s.full)
         k = e.kinematics(there)
-        metric, unit = (
-            (mass(e.reference, there, k), e.units.M) if by_mass else (np.eye(len(v)), 1.0)
-        )
+        metric, unit = _metric(e, there, k, by_mass)
         right = np.concatenate([np.zeros(len(v)), k.c - k.A @ v])
         least, _ = solved(saddle(metric, k.A), right, redundant=False)
         after = np.concatenate([q, moved[len(q) :]])

@@ -7,7 +7,8 @@ from codegen.program import Expression, Kernel, Program, Visit
 
 DYNAMICS = "dynamics"
 BATCHED = (DYNAMICS, "derivatives", "steady")  # worth the time to compile them twice
-STEPPED = ("power", "project", "constraints", "guards")  # what a step calls besides
+POWER = "power"
+STEPPED = (POWER, "project", "constraints", "guards")  # what a step calls besides
 WATCHED = "events"  # and where something is looked for; without it motions with events go alone
 PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
@@ -40,6 +41,24 @@ def side_by_side(program: Program) -> tuple[Kernel, ...]:
         return ()
     watched = (k for k in program.kernels if k.name == WATCHED)
     return (*kernels, *(k for k in watched if _is_straight(k) and not is_long(k)))
+
+
+def is_joint(program: Program) -> bool:
+    """Are dynamics and power written as one function, too? A compiler then makes the sines, cosines
+    and inverses of both once."""
+    kernels = {kernel.name: kernel for kernel in side_by_side(program)}
+    if POWER not in kernels or not does_work(program):
+        return False
+    dynamics, power = kernels[DYNAMICS], kernels[POWER]
+    dynamics = dynamics.hoisted.rest if dynamics.hoisted else dynamics
+    return not (dynamics.rolled or power.rolled or is_long(dynamics))
+
+
+def does_work(program: Program) -> bool:
+    """Is there a power that is not zero whatever the state?"""
+    names = {f"{POWER}{chart.suffix}" for chart in program.charts} | {POWER}
+    powers = [kernel for kernel in program.kernels if kernel.name in names]
+    return any(kernel.rolled or any(kernel.outputs) for kernel in powers)
 
 
 def _is_straight(kernel: Kernel) -> bool:

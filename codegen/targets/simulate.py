@@ -26,8 +26,8 @@ from codegen.integrators import (
     Taylor,
 )
 from codegen.integrators.records import centred, collocated
-from codegen.passes.lanes import WATCHED, side_by_side
-from codegen.passes.taylor import HIGHEST, faster_from, in_pieces, suffixes
+from codegen.passes.lanes import WATCHED, does_work, is_joint, side_by_side
+from codegen.passes.taylor import HIGHEST, faster_from, in_pieces
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
@@ -230,7 +230,7 @@ def _parts(
     """Which parts of the runtime a module needs."""
     named = ("power", "project", "constraints", "guards", "manifold")
     has = {name: name in sizes for name in named}
-    has["power"] &= not _is_idle(program)
+    has["power"] = does_work(program)
     has["project"] &= has["manifold"] or "projection" in program.enforcements
     has["charts"] = any(name in CHARTS for name in program.enforcements)
     has["constants"] = (
@@ -239,12 +239,6 @@ def _parts(
     has["rows"] = "constraint_rows" in sizes
     has["linear"] = has["charts"] or bool(program.steppers) or any(x.needs for x in chosen)
     return has
-
-
-def _is_idle(program: Program) -> bool:
-    """Is the power zero whatever the state? Then no motion does work, and none has to sum it up."""
-    powers = [program.in_chart("power", suffix) for suffix in suffixes(program)]
-    return all(power and not power.rolled and not any(power.outputs) for power in powers)
 
 
 def _rows(program: Program, sizes: Mapping[str, int]) -> dict[str, int]:
@@ -285,6 +279,7 @@ def _flags(
         "HAS_COORDINATES": int(has["charts"]),
         "HAS_CHOICES": int(bool(program.charts)),
         "HAS_LANES": int(bool(side_by_side(program))),
+        "HAS_JOINT": int(is_joint(program)),
         "HAS_LANES_EVENTS": int(any(k.name == WATCHED for k in side_by_side(program))),
         "HAS_ROWS": int(has["rows"]),
         "FRAME": program.frame,

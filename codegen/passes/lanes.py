@@ -43,15 +43,28 @@ def side_by_side(program: Program) -> tuple[Kernel, ...]:
     return (*kernels, *(k for k in watched if _is_straight(k) and not is_long(k)))
 
 
-def is_joint(program: Program) -> bool:
-    """Are dynamics and power written as one function, too? A compiler then makes the sines, cosines
-    and inverses of both once."""
-    kernels = {kernel.name: kernel for kernel in side_by_side(program)}
-    if POWER not in kernels or not does_work(program):
-        return False
-    dynamics, power = kernels[DYNAMICS], kernels[POWER]
-    dynamics = dynamics.hoisted.rest if dynamics.hoisted else dynamics
-    return not (dynamics.rolled or power.rolled or is_long(dynamics))
+def has_rates(program: Program) -> bool:
+    """Are dynamics written once more, for steps of motions? Sines and cosines are shorter there."""
+    return any(kernel.name == DYNAMICS for kernel in side_by_side(program)) and _is_whole(
+        program.kernel(DYNAMICS)
+    )
+
+
+def has_slope(program: Program) -> bool:
+    """And together with the power? A compiler then makes sines, cosines and inverses of both
+    once."""
+    return (
+        has_rates(program)
+        and program.has(POWER)
+        and does_work(program)
+        and _is_whole(program.kernel(POWER))
+    )
+
+
+def _is_whole(kernel: Kernel) -> bool:
+    """Is it one straight piece of code in lanes?"""
+    rest = kernel.hoisted.rest if kernel.hoisted else kernel
+    return not rest.rolled and not is_long(rest)
 
 
 def does_work(program: Program) -> bool:

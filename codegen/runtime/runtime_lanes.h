@@ -400,19 +400,23 @@ static inline void slopes(Lanes *w, const double *t, const double *z, int weight
     if (w->tables)
         feed_lanes(w, t, z);
 #endif
-#if HAS_JOINT
+#if HAS_LANES_SLOPE
     if (weighted) {
-        LANES_joint(t, z, w->u, w->p, w->c, k, k + NX * LANES, w->stray);
+        LANES_slope(t, z, w->u, w->p, w->c, k, k + NX * LANES, w->stray);
         store(w->bad, vector(w->bad) + vector(w->stray));
         return;
     }
 #endif
+#if HAS_LANES_RATES
+    LANES_rates(t, z, w->u, w->p, w->c, k, w->stray);
+#else
     LANES_dynamics(t, z, w->u, HAS_CONSTANTS ? w->c : w->p, k, w->stray);
+#endif
     store(w->bad, vector(w->bad) + vector(w->stray));
 #if HAS_POWER
     store(k + NX * LANES, (Vector){0.0});
 #endif
-#if HAS_POWER && !HAS_JOINT
+#if HAS_POWER && !HAS_LANES_SLOPE
     if (weighted) {
         LANES_power(t, z, w->u, w->p, k + NX * LANES, w->stray);
         store(w->bad, vector(w->bad) + vector(w->stray));

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 from codegen import text
-from codegen.passes.lanes import DYNAMICS, POWER, is_batched, is_joint, side_by_side
+from codegen.passes.lanes import DYNAMICS, POWER, has_rates, has_slope, is_batched, side_by_side
 from codegen.passes.schedule import TURNS
 from codegen.passes.split import Copy, Part, names, split
 from codegen.program import BASE, PREVIOUS, Expression, Kernel, Program, Rolled, Section, Statement
@@ -121,7 +121,7 @@ def files(program: Program) -> dict[str, str]:
                     "batch.c.j2",
                     bodies=batches,
                     stepped=stepped,
-                    joint=_joint(program, [*batches, *stepped]),
+                    moved=_moved(program, [*batches, *stepped]),
                     compared=_compared(stepped),
                     **data,
                 ),
@@ -129,7 +129,7 @@ def files(program: Program) -> dict[str, str]:
                     "lanes.h.j2",
                     bodies=batches,
                     stepped=stepped,
-                    joint=_joint(program, [*batches, *stepped]),
+                    moved=_moved(program, [*batches, *stepped]),
                     **data,
                 ),
             }
@@ -152,12 +152,13 @@ def _compared(bodies: Sequence[Body]) -> set[str]:
     return {name for name in ("LARGER", "SMALLER") if f"{name}(" in written}
 
 
-def _joint(program: Program, bodies: Sequence[Body]) -> tuple[Body, Body] | None:
-    """Dynamics and power, where they are written as one function, too."""
-    if not is_joint(program):
-        return None
+def _moved(program: Program, bodies: Sequence[Body]) -> dict[str, list[Body]]:
+    """What steps of motions call instead of dynamics, and of dynamics and power: names, and what
+    they are made of."""
     named = {body.kernel.name: body for body in bodies}
-    return named[DYNAMICS], named[POWER]
+    rates = {"rates": [named[DYNAMICS]]} if has_rates(program) else {}
+    slope = {"slope": [named[DYNAMICS], named[POWER]]} if has_slope(program) else {}
+    return rates | slope
 
 
 def _batch(program: Program, kernel: Kernel) -> Body:

@@ -26,7 +26,7 @@ from codegen.integrators import (
     Taylor,
 )
 from codegen.integrators.records import centred, collocated
-from codegen.passes.lanes import WATCHED, does_work, is_joint, side_by_side
+from codegen.passes.lanes import WATCHED, does_work, has_rates, has_slope, side_by_side
 from codegen.passes.taylor import HIGHEST, faster_from, in_pieces
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
@@ -279,7 +279,8 @@ def _flags(
         "HAS_COORDINATES": int(has["charts"]),
         "HAS_CHOICES": int(bool(program.charts)),
         "HAS_LANES": int(bool(side_by_side(program))),
-        "HAS_JOINT": int(is_joint(program)),
+        "HAS_LANES_RATES": int(has_rates(program)),
+        "HAS_LANES_SLOPE": int(has_slope(program)),
         "HAS_LANES_EVENTS": int(any(k.name == WATCHED for k in side_by_side(program))),
         "HAS_ROWS": int(has["rows"]),
         "FRAME": program.frame,

@@ -157,7 +157,7 @@ typedef struct __attribute__((aligned(64))) {
     double constants[LANES][CONSTANTS + 1]; /* the same for the loop of one motion */
     double a[DENSE_DEGREE + 1][N * LANES]; /* the continuous output, as powers of 2 theta - 1 */
     double values[EIGHTHS + 1][EVENTS_MOST * LANES], signs[EVENTS_MOST * LANES]; /* of events */
-    uint64_t good[LANES], moved[LANES], busy[LANES], steps[LANES], rejected[LANES], calls[LANES], spent[LANES]; /* `spent` is of the whole motion */
+    uint64_t good[LANES], met[LANES], moved[LANES], busy[LANES], steps[LANES], rejected[LANES], calls[LANES], spent[LANES]; /* `spent` is of the whole motion */
 #if HAS_INPUTS
     double knot[LANES], table[4 * INPUTS * LANES]; /* where the segment of each lane begins, and its polynomials */
     int tables, called; /* whether there are any, and a callback */
@@ -441,8 +441,8 @@ static inline void combine(const Tableau *m, int n, const Lanes *w, double *z)
     m->sums(n, w->k[0], w->h, w->y, z);
 }
 
-/* The error of a step in units of the tolerance, from one estimate in w->e or from two. */
-static inline Vector lanes_error(const Motions *all, const Lanes *w, int errors)
+/* The error of a step in units of the tolerance, into w->now, from one estimate in w->e or from two. */
+static inline void lanes_error(const Motions *all, Lanes *w, int errors)
 {
     Vector first = {0.0}, second = {0.0}, size;
     double roots[LANES];
@@ -466,7 +466,7 @@ static inline Vector lanes_error(const Motions *all, const Lanes *w, int errors)
     for (lane = 0; lane < LANES; lane++)
         roots[lane] = sqrt(N * roots[lane]); /* first / N over the root of size / N */
     memcpy(&size, roots, sizeof size);
-    return either((Bits)(first == 0.0), first, first / size);
+    store(w->now, either((Bits)(first == 0.0), first, first / size));
 }
 
 /* One step of an explicit method in all lanes of the groups: z, next, and the error in units of the tolerance. */
@@ -498,7 +498,7 @@ static inline void lanes_step(const Motions *all, const Tableau *m, Lanes *const
         combine(m, m->stages, w, w->e);
         if (m->errors == 2)
             combine(m, m->stages + 1, w, w->other);
-        store(w->now, lanes_error(all, w, m->errors));
+        lanes_error(all, w, m->errors);
     }
 }
 
@@ -722,21 +722,9 @@ static inline void lanes_accept(Lanes *w)
 #endif
 }
 
-/* Lanes where an angle that goes round is beyond a turn. */
-static inline Bits lanes_turned(const Lanes *w)
-{
-    Bits far = bits(w->busy) ^ bits(w->busy);
-#if TURNING
-    int i;
-    for (i = 0; i < TURNING; i++)
-        far |= (Bits)(size_of(vector(w->y + turning[i] * LANES)) > turn);
-#endif
-    return far;
-}
-
 /* Sizes of the next steps; lanes that are good have taken theirs, others but for those that have to be done alone take a shorter one.
-   Returns which these are, and which are where something is to be done: at an output time, at a knot, beyond a turn. */
-static inline Bits lanes_sized(const Motions *all, const Method *method, Lanes *w)
+   `met` says which these are, and which are where something is to be done: at an output time, at a knot, beyond a turn. */
+static inline void lanes_sized(const Motions *all, const Method *method, Lanes *w, uint64_t *met)
 {
     const double floor_of_log = -13.287712379549449; /* log2 of 1e-4 */
     const Vector now = vector(w->now), h = vector(w->h), error = vector(w->error), one = (Vector){0.0} + 1.0;
@@ -757,16 +745,24 @@ static inline Bits lanes_sized(const Motions *all, const Method *method, Lanes *
     *(Bits *)w->steps += good & 1;
     *(Bits *)w->rejected += shorter & 1;
     *(Bits *)w->spent += (good | shorter) & 1;
-    return (busy & ~(good | shorter)) | (good & (last | lanes_turned(w)));
+    {
+        Bits there = last;
+#if TURNING
+        int i;
+        for (i = 0; i < TURNING; i++)
+            there |= (Bits)(size_of(vector(w->y + turning[i] * LANES)) > turn);
+#endif
+        *(Bits *)met = (busy & ~(good | shorter)) | (good & there);
+    }
 }
 
-/* The step to come in all lanes. Returns which may not take one. */
-static inline Bits lanes_begun(const Motions *all, Lanes *w)
+/* The step to come in all lanes; `halted` says which may not take one. */
+static inline void lanes_begun(const Motions *all, Lanes *w, uint64_t *halted)
 {
     const Vector left = vector(w->goal) - vector(w->t), most = left * (1.0 - 1e-9), wanted = vector(w->wanted); /* as in next_size */
     const Vector half = 0.5 * left, t = size_of(vector(w->t));
     Vector h = either((Bits)(wanted >= most), left, either((Bits)(wanted > 0.5 * most), half, wanted));
-    Bits halted = (Bits)(bits(w->spent) >= (all->budget > 0 ? (uint64_t)all->budget : 0));
+    Bits stopped = (Bits)(bits(w->spent) >= (all->budget > 0 ? (uint64_t)all->budget : 0));
     int lane;
     if (all->step_size > 0.0) {
         double equal[LANES];
@@ -776,22 +772,21 @@ static inline Bits lanes_begun(const Motions *all, Lanes *w)
     }
     for (lane = 0; all->events && lane < LANES; lane++)
         if (w->busy[lane] && !has_room(w->motion[lane].s.events))
-            halted[lane] = UINT64_MAX;
-    halted |= (Bits)(h < left) & (Bits)(h < larger(16.0 * DBL_EPSILON * t, 1e-30 * size_of(vector(w->final))));
+            stopped[lane] = UINT64_MAX;
+    stopped |= (Bits)(h < left) & (Bits)(h < larger(16.0 * DBL_EPSILON * t, 1e-30 * size_of(vector(w->final))));
     store(w->h, h);
     store(w->end, either((Bits)(h >= left), vector(w->goal), vector(w->t) + h));
-    return halted & bits(w->busy);
+    *(Bits *)halted = stopped & bits(w->busy);
 }
 
 /* Ends lanes that may not go on and refills them. Returns whether any is busy. */
 static int lanes_ready(const Motions *all, const Method *method, Lanes *w, size_t *queue)
 {
-    uint64_t halted[LANES], busy = 0;
+    uint64_t *const halted = w->met, busy = 0;
     int lane;
     for (;;) {
-        const Bits which = lanes_begun(all, w);
-        memcpy(halted, &which, sizeof halted);
-        if (!any(which))
+        lanes_begun(all, w, halted);
+        if (!any(bits(halted)))
             break;
         for (lane = 0; lane < LANES; lane++) {
             Motion *const m = w->motion + lane;
@@ -860,8 +855,7 @@ static int alone(const Motions *all, const Method *method, Lanes *w, int lane)
 static inline void lanes_settled(const Motions *all, const Method *method, Lanes *w, size_t *queue)
 {
     const Tableau *const tableau = (const Tableau *)method->coefficients;
-    uint64_t met[LANES];
-    Bits which;
+    uint64_t *const met = w->met;
     int lane;
 #if KINKS
     lanes_kinked(w);
@@ -885,10 +879,9 @@ static inline void lanes_settled(const Motions *all, const Method *method, Lanes
         if (w->good[lane])
             w->motion[lane].s.landed = 0;
 #endif
-    which = lanes_sized(all, method, w);
-    if (!any(which))
+    lanes_sized(all, method, w, met);
+    if (!any(bits(met)))
         return;
-    memcpy(met, &which, sizeof met);
     for (lane = 0; lane < LANES; lane++)
         if (met[lane]) {
             const int status = w->good[lane] ? arrived(all, w, lane) : alone(all, method, w, lane);

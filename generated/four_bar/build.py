@@ -242,10 +242,10 @@ def flags_of(command: Sequence[str], name: str, stem: str) -> Sequence[str]:
     if stem == f"{name}_batch":
         wide = [WIDE] if "__AVX512F__" in macros else []
         tune = [TUNE] if "__znver" in macros and gcc(macros) >= 8 else []
-        whole = WHOLE if gcc(macros) else []
+        whole = WHOLE if gcc(macros) else ()
         return [*flags, *BATCH, *whole, *wide, *tune]
     if stem == f"{name}_simulate":
-        contract = CONTRACT if gcc(macros) >= 9 else []
+        contract = CONTRACT if gcc(macros) >= 9 else ()
         return [*flags, *(STEPS if gcc(macros) else BATCH), *contract]
     if stem == name:
         return flags

@@ -42,6 +42,11 @@ STEPS = (
     "-fno-split-loops",
     "-fno-split-paths",
 )
+# Only gcc knows these. Copies stay vectors: the shorter pieces of a memcpy have to reach the cache
+# before they can be read as one. On Zen sums in short vectors are contracted, too: they would be
+# rounded otherwise than in lanes.
+WHOLE = ("-fno-tree-loop-distribute-patterns",)
+CONTRACT = ("--param=avoid-fma-max-bits=0",)  # since gcc 9
 # Only gcc knows these: order statements for latency without running out of registers, copy less
 # between them, keep numbers out of integer registers.
 ORDER = ("-fschedule-insns", "-fsched-pressure", "-frename-registers")
@@ -127,7 +132,7 @@ def identity(command: Sequence[str]) -> str:
     """What else a binary depends on: the compiler, its flags, this processor, this Python and the
     NumPy headers."""
     flags, macros = probe(tuple(command))
-    given = (*flags, *FLAGS, *BATCH, *STEPS, *LONG, WIDE, TUNE)
+    given = (*flags, *FLAGS, *BATCH, *WHOLE, *STEPS, *CONTRACT, *LONG, WIDE, TUNE)
     return "\n".join(
         [
             *command,
@@ -237,9 +242,11 @@ def flags_of(command: Sequence[str], name: str, stem: str) -> Sequence[str]:
     if stem == f"{name}_batch":
         wide = [WIDE] if "__AVX512F__" in macros else []
         tune = [TUNE] if "__znver" in macros and gcc(macros) >= 8 else []
-        return [*flags, *BATCH, *wide, *tune]
+        whole = WHOLE if gcc(macros) else ()
+        return [*flags, *BATCH, *whole, *wide, *tune]
     if stem == f"{name}_simulate":
-        return [*flags, *(STEPS if gcc(macros) else BATCH)]
+        contract = CONTRACT if gcc(macros) >= 9 else ()
+        return [*flags, *(STEPS if gcc(macros) else BATCH), *contract]
     if stem == name:
         return flags
     return [*flags, *LONG]  # a function in a file of its own

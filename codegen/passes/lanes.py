@@ -7,7 +7,8 @@ from codegen.program import Expression, Kernel, Program, Visit
 
 DYNAMICS = "dynamics"
 BATCHED = (DYNAMICS, "derivatives", "steady")  # worth the time to compile them twice
-STEPPED = ("power", "project", "constraints", "guards")  # what a step calls besides
+POWER = "power"
+STEPPED = (POWER, "project", "constraints", "guards")  # what a step calls besides
 WATCHED = "events"  # and where something is looked for; without it motions with events go alone
 PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
@@ -40,6 +41,37 @@ def side_by_side(program: Program) -> tuple[Kernel, ...]:
         return ()
     watched = (k for k in program.kernels if k.name == WATCHED)
     return (*kernels, *(k for k in watched if _is_straight(k) and not is_long(k)))
+
+
+def has_rates(program: Program) -> bool:
+    """Are dynamics written once more, for steps of motions? Sines and cosines are shorter there."""
+    return any(kernel.name == DYNAMICS for kernel in side_by_side(program)) and _is_whole(
+        program.kernel(DYNAMICS)
+    )
+
+
+def has_slope(program: Program) -> bool:
+    """And together with the power? A compiler then makes sines, cosines and inverses of both
+    once."""
+    return (
+        has_rates(program)
+        and program.has(POWER)
+        and does_work(program)
+        and _is_whole(program.kernel(POWER))
+    )
+
+
+def _is_whole(kernel: Kernel) -> bool:
+    """Is it one straight piece of code in lanes?"""
+    rest = kernel.hoisted.rest if kernel.hoisted else kernel
+    return not rest.rolled and not is_long(rest)
+
+
+def does_work(program: Program) -> bool:
+    """Is there a power that is not zero whatever the state?"""
+    names = {f"{POWER}{chart.suffix}" for chart in program.charts} | {POWER}
+    powers = [kernel for kernel in program.kernels if kernel.name in names]
+    return any(kernel.rolled or any(kernel.outputs) for kernel in powers)
 
 
 def _is_straight(kernel: Kernel) -> bool:

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 from codegen import text
-from codegen.passes.lanes import is_batched, side_by_side
+from codegen.passes.lanes import DYNAMICS, POWER, has_rates, has_slope, is_batched, side_by_side
 from codegen.passes.schedule import TURNS
 from codegen.passes.split import Copy, Part, names, split
 from codegen.program import BASE, PREVIOUS, Expression, Kernel, Program, Rolled, Section, Statement
@@ -121,11 +121,16 @@ def files(program: Program) -> dict[str, str]:
                     "batch.c.j2",
                     bodies=batches,
                     stepped=stepped,
+                    moved=_moved(program, [*batches, *stepped]),
                     compared=_compared(stepped),
                     **data,
                 ),
                 f"{program.name}_lanes.h": text.render(
-                    "lanes.h.j2", bodies=batches, stepped=stepped, **data
+                    "lanes.h.j2",
+                    bodies=batches,
+                    stepped=stepped,
+                    moved=_moved(program, [*batches, *stepped]),
+                    **data,
                 ),
             }
             if batches
@@ -145,6 +150,15 @@ def _compared(bodies: Sequence[Body]) -> set[str]:
     lines = [line for body in bodies for piece in body.pieces for line in piece.lines]
     written = " ".join([*lines, *(body.residual for body in bodies)])
     return {name for name in ("LARGER", "SMALLER") if f"{name}(" in written}
+
+
+def _moved(program: Program, bodies: Sequence[Body]) -> dict[str, list[Body]]:
+    """What steps of motions call instead of dynamics, and of dynamics and power: names, and what
+    they are made of."""
+    named = {body.kernel.name: body for body in bodies}
+    rates = {"rates": [named[DYNAMICS]]} if has_rates(program) else {}
+    slope = {"slope": [named[DYNAMICS], named[POWER]]} if has_slope(program) else {}
+    return rates | slope
 
 
 def _batch(program: Program, kernel: Kernel) -> Body:

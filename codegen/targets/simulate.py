@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -25,7 +26,7 @@ from codegen.integrators import (
     Taylor,
 )
 from codegen.integrators.records import centred, collocated
-from codegen.passes.lanes import WATCHED, side_by_side
+from codegen.passes.lanes import WATCHED, does_work, has_rates, has_slope, side_by_side
 from codegen.passes.taylor import HIGHEST, faster_from, in_pieces
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
@@ -205,7 +206,7 @@ def _data(program: Program) -> dict[str, Any]:
         "turn": _turn(program.real),
         "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
         "chosen": chosen,
-        "schemes": [_scheme(x) for x in chosen],
+        "schemes": [_scheme(x, bool(side_by_side(program))) for x in chosen],
         "implicit": _scheme(ROSENBROCK),
         "alike": alike(program),
     }
@@ -229,6 +230,7 @@ def _parts(
     """Which parts of the runtime a module needs."""
     named = ("power", "project", "constraints", "guards", "manifold")
     has = {name: name in sizes for name in named}
+    has["power"] = does_work(program)
     has["project"] &= has["manifold"] or "projection" in program.enforcements
     has["charts"] = any(name in CHARTS for name in program.enforcements)
     has["constants"] = (
@@ -277,6 +279,8 @@ def _flags(
         "HAS_COORDINATES": int(has["charts"]),
         "HAS_CHOICES": int(bool(program.charts)),
         "HAS_LANES": int(bool(side_by_side(program))),
+        "HAS_LANES_RATES": int(has_rates(program)),
+        "HAS_LANES_SLOPE": int(has_slope(program)),
         "HAS_LANES_EVENTS": int(any(k.name == WATCHED for k in side_by_side(program))),
         "HAS_ROWS": int(has["rows"]),
         "FRAME": program.frame,
@@ -431,13 +435,15 @@ def _turn(real: Real) -> tuple[str, str]:
     return repr(nearest), repr(2 * math.pi - nearest + 2.4492935982947064e-16)
 
 
-def _scheme(method: Integrator) -> Scheme:
+def _scheme(method: Integrator, lanes: bool = False) -> Scheme:
+    """The method as text, with what several motions side by side need of it where there are
+    `lanes`."""
     grow, damp, safety = _control(method)
     kind, name = KINDS[type(method)], method.name
     if isinstance(method, Midpoint | Taylor):
         return Scheme(method, kind, grow, damp, safety)
     if isinstance(method, Tableau):
-        data = _tableau(method)
+        data = [*(_sums(method) if lanes else []), *_tableau(method, lanes)]
     elif isinstance(method, Rosenbrock):
         data = _initialised("Rosenbrock", name, _rosenbrock(method))
     else:
@@ -449,8 +455,12 @@ def _initialised(kind: str, name: str, values: Sequence[str]) -> list[str]:
     return [f"static const {kind} {name} = {{", *(f"    {value}," for value in values), "};"]
 
 
-def _tableau(method: Tableau) -> list[str]:
-    """Rows without their zeros, one after the other."""
+Term = tuple[int, Fraction]  # a slope and its weight
+
+
+def _terms(method: Tableau) -> list[list[Term]]:
+    """Rows without their zeros: stages, estimates of the error, stages of the continuous output and
+    its powers."""
     dense = method.dense or Dense(0, (), (), ())
     powers = (
         centred(((Fraction(0),) * len(dense.powers[0]), *dense.powers))
@@ -458,7 +468,53 @@ def _tableau(method: Tableau) -> list[str]:
         else ()
     )
     rows = [*method.a[1:], *method.errors, *dense.a, *powers]
-    terms = [[(j, weight) for j, weight in enumerate(row) if weight] for row in rows]
+    return [[(j, weight) for j, weight in enumerate(row) if weight] for row in rows]
+
+
+def _sums(method: Tableau) -> list[str]:
+    """A function with the sums of all rows written out, for several motions side by side."""
+    terms = _terms(method)
+    extra = len(method.dense.c) if method.dense else 0
+    stages, errors = len(method.a) - 1, len(method.errors)
+    powers = stages + errors + extra
+    moved = {*range(stages), *range(stages + errors, powers), powers}
+    return [
+        f"static void {method.name}_sums(int n, const double *restrict k, "
+        "const double *restrict h, const double *restrict y, double *restrict z)",
+        "{",
+        "    int i;",
+        "    switch (n) {",
+        *(
+            line
+            for n, row in enumerate(terms)
+            for line in _sum(n, row, "MOVED" if n in moved else "CHANGE")
+        ),
+        "    }",
+        "}",
+    ]
+
+
+def _sum(n: int, row: Sequence[Term], macro: str) -> list[str]:
+    """Row n as a case of the function of sums. Compilers that contract take the first product into
+    the first sum: with the second one there, roundings are those of the loop over the row."""
+    turned = [*row[1:2], *row[:1], *row[2:]]
+    products = [f"{number(weight)} * SLOPE({j})" for j, weight in turned] or ["0.0 * SLOPE(0)"]
+    lines = textwrap.wrap(" + ".join(products), 120, break_long_words=False)
+    last = len(lines) - 1
+    return [
+        f"    case {n}:",
+        *(
+            f"        {f'{macro}(' if i == 0 else '    '}{line}{')' if i == last else ''}"
+            for i, line in enumerate(lines)
+        ),
+        "        break;",
+    ]
+
+
+def _tableau(method: Tableau, lanes: bool) -> list[str]:
+    """Rows without their zeros, one after the other."""
+    dense = method.dense or Dense(0, (), (), ())
+    terms = _terms(method)
     starts = [sum(map(len, terms[:n])) for n in range(len(terms) + 1)]
     used = {j for row in (method.a[-1], *method.errors) for j, weight in enumerate(row) if weight}
     stages, name = len(method.c) - 1, method.name
@@ -470,7 +526,8 @@ def _tableau(method: Tableau) -> list[str]:
         f"static const unsigned char {name}_at[] = {_listed(j for row in terms for j, _ in row)};",
         f"static const double {name}_weight[] = {_listed(weights)};",
         f"static const Tableau {name} = {{{stages}, {len(method.errors)}, {weighted}ul, "
-        f"{name}_c, {name}_row, {name}_at, {name}_weight, {len(dense.c)}, {len(dense.powers)}}};",
+        f"{name}_c, {name}_row, {name}_at, {name}_weight, {len(dense.c)}, {len(dense.powers)}"
+        f"{f', {name}_sums' if lanes else ''}}};",
     ]
 
 

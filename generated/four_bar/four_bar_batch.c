@@ -114,6 +114,29 @@ INLINE double four_bar_sincos(double x, double *restrict sin_x, double *restrict
     return fabs(x) <= 1e5 ? 0.0 : 1.0;
 }
 
+/* The same with fewer operations, for steps of motions: r alone is what is left of x. Errors are below 2.3e-16 for |x| <= 1e5. */
+INLINE double four_bar_sincos_short(double x, double *restrict sin_x, double *restrict cos_x)
+{
+    const double round = 0x1.8p52;
+    const double near = x * 0x1.45f306dc9c883p-1 + round, k = near - round;
+    const double r = (x - k * 0x1.921fb5444p+0) - k * 0x1.68c234c4cp-39, z = r * r;
+    const double s = -0x1.5555555555549p-3 + z * (0x1.111111110f87ap-7 + z * (-0x1.a01a019c118bdp-13 +
+        z * (0x1.71de3577acb24p-19 + z * (-0x1.ae5e6633c330cp-26 + z * 0x1.5d92ff36b5cd1p-33))));
+    const double h = 0x1.555555555554bp-5 + z * (-0x1.6c16c16c14f8ap-10 + z * (0x1.a01a019c8391bp-16 +
+        z * (-0x1.27e4f7ea3810ep-22 + z * (0x1.1ee9d752de8c6p-29 + z * -0x1.8fa46612f4219p-37))));
+    const double sin_r = r + z * r * s, cos_r = 1.0 + z * (z * h - 0.5);
+    uint64_t n, one, two, swap;
+    memcpy(&n, &near, sizeof n); /* its last bits are those of k */
+    memcpy(&one, &sin_r, sizeof one);
+    memcpy(&two, &cos_r, sizeof two);
+    swap = (one ^ two) & (0 - (n & 1));
+    one ^= swap ^ ((n & 2) << 62);
+    two ^= swap ^ (((n + 1) & 2) << 62);
+    memcpy(sin_x, &one, sizeof one);
+    memcpy(cos_x, &two, sizeof two);
+    return fabs(x) <= 1e5 ? 0.0 : 1.0;
+}
+
 void four_bar_constraints_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict p,
     double *restrict out, double *restrict stray)
 {
@@ -308,6 +331,212 @@ void four_bar_guards_lanes(const double *restrict t_, const double *restrict x, 
     }
     (void)t_;
     (void)u;
+}
+
+/* For steps of motions, dynamics with shorter sines and cosines. */
+void four_bar_rates_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict p,
+    const double *restrict c, double *restrict out, double *restrict stray)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        double bad = 0.0;
+        const double q1 = x[0 * LANES + lane];
+        const double q2 = x[1 * LANES + lane];
+        const double q3 = x[2 * LANES + lane];
+        const double q1_dot = x[3 * LANES + lane];
+        const double tau = u[0 * LANES + lane];
+        const double l1 = c[0 * LANES + lane];
+        const double l2 = c[1 * LANES + lane];
+        const double l3 = c[2 * LANES + lane];
+        const double c4 = c[3 * LANES + lane];
+        const double c5 = c[4 * LANES + lane];
+        const double c6 = c[5 * LANES + lane];
+        const double c7 = c[6 * LANES + lane];
+        const double c8 = c[7 * LANES + lane];
+        const double c9 = c[8 * LANES + lane];
+        const double c10 = c[9 * LANES + lane];
+        const double c11 = c[10 * LANES + lane];
+        const double c12 = c[11 * LANES + lane];
+        const double c13 = c[12 * LANES + lane];
+
+        /* angles: their sines and cosines, all together */
+        double sin_q2, cos_q2;
+        bad += four_bar_sincos_short(q2, &sin_q2, &cos_q2);
+        const double z1 = q2 + q1;
+        const double z2 = z1 - q3;
+        double sin_z2, cos_z2;
+        bad += four_bar_sincos_short(z2, &sin_z2, &cos_z2);
+        double cos_z1_sin, cos_z1;
+        bad += four_bar_sincos_short(z1, &cos_z1_sin, &cos_z1);
+        double cos_q1_sin, cos_q1;
+        bad += four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
+        double cos_q3_sin, cos_q3;
+        bad += four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
+
+        /* S: generalized velocities per quasi-velocity, v = S w + R c */
+        const double z3 = cos_z2 * c5;
+        const double z4 = l1 * sin_q2;
+        const double z5 = l3 * sin_z2;
+        const double z6 = 1.0 / z5;
+        const double S_3 = z4 * z6;
+        const double z7 = cos_q2 * l1;
+        const double z8 = z3 * S_3 - z7 * c4;
+        const double S_2 = z8 - 1.0;
+
+        /* v: generalized velocities */
+        const double v_2 = q1_dot * S_2;
+        const double v_3 = q1_dot * S_3;
+
+        /* sigma: v̇ where ẇ = 0 */
+        const double z9 = q1_dot * z8;
+        const double z10 = z4 * z9;
+        const double z11 = q1_dot * l1 * v_2;
+        const double z12 = q1_dot * z10 - sin_q2 * z11;
+        const double z13 = l3 * v_3 * v_3;
+        const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
+        const double z15 = z6 * (z14 - cos_q2 * z11);
+        const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
+
+        /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
+        const double z17 = 3.0 * (z8 * (z7 * c6 + z8 * c12) + c13);
+        const double z18 = S_3 * c9 * S_3 + z17;
+
+        /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
+        const double z19 = z8 * (c7 * z16 - (z12 + 9.81 * cos_z1) * c8);
+        const double z20 = S_3 * (cos_q3 * c10 + 0.03 * v_3 - z15 * c9);
+        const double z21 = 3.0 * tau - cos_q1 * c11 - z20 + c8 * (z7 * z16 + z9 * z10);
+        const double z22 = z19 + z21;
+
+        /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
+        const double z23 = z22 / z18;
+
+        out[0 * LANES + lane] = q1_dot; /* der(q1), rad/s */
+        out[1 * LANES + lane] = v_2; /* der(q2), rad/s */
+        out[2 * LANES + lane] = v_3; /* der(q3), rad/s */
+        out[3 * LANES + lane] = z23; /* der(q1_dot), rad/s^2 */
+        bad += fabs(z5) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+        stray[lane] = bad + ((0.0 * out[1 * LANES + lane]) + (0.0 * out[2 * LANES + lane]) + (0.0 * out[3 * LANES + lane]));
+    }
+    (void)t_;
+    (void)x;
+    (void)u;
+    (void)p;
+    (void)c;
+}
+
+/* For steps of motions, dynamics and power at once: what both need is computed once. */
+void four_bar_slope_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict p,
+    const double *restrict c, double *restrict out, double *restrict power, double *restrict stray)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        double bad = 0.0;
+        const double q1 = x[0 * LANES + lane];
+        const double q2 = x[1 * LANES + lane];
+        const double q3 = x[2 * LANES + lane];
+        const double q1_dot = x[3 * LANES + lane];
+        const double tau = u[0 * LANES + lane];
+        const double l1 = c[0 * LANES + lane];
+        const double l2 = c[1 * LANES + lane];
+        const double l3 = c[2 * LANES + lane];
+        const double c4 = c[3 * LANES + lane];
+        const double c5 = c[4 * LANES + lane];
+        const double c6 = c[5 * LANES + lane];
+        const double c7 = c[6 * LANES + lane];
+        const double c8 = c[7 * LANES + lane];
+        const double c9 = c[8 * LANES + lane];
+        const double c10 = c[9 * LANES + lane];
+        const double c11 = c[10 * LANES + lane];
+        const double c12 = c[11 * LANES + lane];
+        const double c13 = c[12 * LANES + lane];
+
+        /* angles: their sines and cosines, all together */
+        double sin_q2, cos_q2;
+        bad += four_bar_sincos_short(q2, &sin_q2, &cos_q2);
+        const double z1 = q2 + q1;
+        const double z2 = z1 - q3;
+        double sin_z2, cos_z2;
+        bad += four_bar_sincos_short(z2, &sin_z2, &cos_z2);
+        double cos_z1_sin, cos_z1;
+        bad += four_bar_sincos_short(z1, &cos_z1_sin, &cos_z1);
+        double cos_q1_sin, cos_q1;
+        bad += four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
+        double cos_q3_sin, cos_q3;
+        bad += four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
+
+        /* S: generalized velocities per quasi-velocity, v = S w + R c */
+        const double z3 = cos_z2 * c5;
+        const double z4 = l1 * sin_q2;
+        const double z5 = l3 * sin_z2;
+        const double z6 = 1.0 / z5;
+        const double S_3 = z4 * z6;
+        const double z7 = cos_q2 * l1;
+        const double z8 = z3 * S_3 - z7 * c4;
+        const double S_2 = z8 - 1.0;
+
+        /* v: generalized velocities */
+        const double v_2 = q1_dot * S_2;
+        const double v_3 = q1_dot * S_3;
+
+        /* sigma: v̇ where ẇ = 0 */
+        const double z9 = q1_dot * z8;
+        const double z10 = z4 * z9;
+        const double z11 = q1_dot * l1 * v_2;
+        const double z12 = q1_dot * z10 - sin_q2 * z11;
+        const double z13 = l3 * v_3 * v_3;
+        const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
+        const double z15 = z6 * (z14 - cos_q2 * z11);
+        const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
+
+        /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
+        const double z17 = 3.0 * (z8 * (z7 * c6 + z8 * c12) + c13);
+        const double z18 = S_3 * c9 * S_3 + z17;
+
+        /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
+        const double z19 = z8 * (c7 * z16 - (z12 + 9.81 * cos_z1) * c8);
+        const double z20 = S_3 * (cos_q3 * c10 + 0.03 * v_3 - z15 * c9);
+        const double z21 = 3.0 * tau - cos_q1 * c11 - z20 + c8 * (z7 * z16 + z9 * z10);
+        const double z22 = z19 + z21;
+
+        /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
+        const double z23 = z22 / z18;
+
+        out[0 * LANES + lane] = q1_dot; /* der(q1), rad/s */
+        out[1 * LANES + lane] = v_2; /* der(q2), rad/s */
+        out[2 * LANES + lane] = v_3; /* der(q3), rad/s */
+        out[3 * LANES + lane] = z23; /* der(q1_dot), rad/s^2 */
+        bad += fabs(z5) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+        {
+            const double q1 = x[0 * LANES + lane];
+            const double q2 = x[1 * LANES + lane];
+            const double q3 = x[2 * LANES + lane];
+            const double q1_dot = x[3 * LANES + lane];
+            const double tau = u[0 * LANES + lane];
+            const double l1 = p[0 * LANES + lane];
+            const double l3 = p[2 * LANES + lane];
+
+            /* angles: their sines and cosines, all together */
+            double sin_q2, sin_q2_cos;
+            bad += four_bar_sincos_short(q2, &sin_q2, &sin_q2_cos);
+            double z1, z1_cos;
+            bad += four_bar_sincos_short(q2 + q1 - q3, &z1, &z1_cos);
+
+            /* power: power of forces without potential: d(T + V)/dt */
+            const double z2 = z1 * l3;
+            const double z3 = q1_dot * l1 * sin_q2 / z2;
+            const double z4 = tau * q1_dot - 0.01 * z3 * z3;
+
+            power[0 * LANES + lane] = z4; /* power, W */
+            bad += fabs(z2) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+            bad += (0.0 * p[1 * LANES + lane] + 0.0 * p[4 * LANES + lane] + 0.0 * power[0 * LANES + lane]) + (0.0 * p[2 * LANES + lane] + 0.0 * p[5 * LANES + lane]) + (0.0 * p[3 * LANES + lane] + 0.0 * p[6 * LANES + lane]);
+        }
+        stray[lane] = bad + ((0.0 * out[1 * LANES + lane]) + (0.0 * out[2 * LANES + lane]) + (0.0 * out[3 * LANES + lane]));
+    }
+    (void)t_;
+    (void)x;
+    (void)u;
+    (void)p;
+    (void)c;
 }
 
 void four_bar_dynamics_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict c,

@@ -20,5 +20,8 @@ void four_bar_project_lanes(const double *t, const double *x, const double *u, c
 void four_bar_power_lanes(const double *t, const double *x, const double *u, const double *p, double *out, double *stray);
 void four_bar_guards_lanes(const double *t, const double *x, const double *u, const double *p, double *out, double *stray);
 void four_bar_dynamics_lanes(const double *t, const double *x, const double *u, const double *c, double *out, double *stray);
+/* For steps of motions: dynamics, with sines and cosines to 2.3e-16; with the power, too. */
+void four_bar_rates_lanes(const double *t, const double *x, const double *u, const double *p, const double *c, double *out, double *stray);
+void four_bar_slope_lanes(const double *t, const double *x, const double *u, const double *p, const double *c, double *out, double *power, double *stray);
 
 #endif

@@ -17,6 +17,7 @@ typedef struct {
     const double *times;
     Rows rows; /* of this motion */
     int failed; /* status of the last step that had to be made shorter */
+    uint64_t failed_at; /* and how many steps had been tried then */
 #if FRAME
     double data[PARAMETERS];
 #endif
@@ -55,6 +56,7 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
     m->run.atol = all->atol;
     m->times = all->times + (ptrdiff_t)row * all->times_stride;
     m->failed = OK;
+    m->failed_at = 0;
     m->rows.x = all->x_out + place * NX;
     m->rows.work = all->work_out + place;
     m->rows.v = all->v_out ? all->v_out + place * VELOCITY_ROWS : NULL;
@@ -139,11 +141,14 @@ static void one_by_one(const Motions *all, const Method *method)
 typedef double Vector __attribute__((vector_size(8 * LANES), may_alias));
 typedef uint64_t Bits __attribute__((vector_size(8 * LANES), may_alias)); /* all or none in every lane, where it says which */
 
-/* The state of LANES motions. */
-typedef struct {
+/* The state of LANES motions. Counts are those since a lane was entered. */
+typedef struct __attribute__((aligned(64))) {
     double y[N * LANES], own[N * LANES], z[N * LANES], next[N * LANES], k[EXPLICIT_STAGES + 1 + DENSE_STAGES][N * LANES], e[N * LANES], other[N * LANES];
     double u[(INPUTS + 1) * LANES], p[(PARAMETERS + 1) * LANES], c[(CONSTANTS + 1) * LANES];
-    double t[LANES], h[LANES], end[LANES], at[LANES], error[LANES], last[LANES], stray[LANES], residual[LANES], before[LANES];
+    double t[LANES], h[LANES], end[LANES], at[LANES], stray[LANES], residual[LANES];
+    double goal[LANES], final[LANES], wanted[LANES]; /* where steps end at the latest: the next and the last; the size of the next step */
+    double now[LANES], stray_now[LANES]; /* the error of this step, and where it was not plain */
+    double error[LANES], last[LANES]; /* of the last good step, less than zero where one was rejected since; its log2 */
     double position_violation[LANES], velocity_violation[LANES];
     double bad[LANES]; /* not zero where a lane has to be done alone */
     double floor[(NQ + 1) * LANES]; /* a turn where an angle went round, for the tolerance */
@@ -152,19 +157,24 @@ typedef struct {
     double constants[LANES][CONSTANTS + 1]; /* the same for the loop of one motion */
     double a[DENSE_DEGREE + 1][N * LANES]; /* the continuous output, as powers of 2 theta - 1 */
     double values[EIGHTHS + 1][EVENTS_MOST * LANES], signs[EVENTS_MOST * LANES]; /* of events */
-    uint64_t good[LANES], moved[LANES], active[LANES];
+    uint64_t good[LANES], met[LANES], moved[LANES], busy[LANES], steps[LANES], rejected[LANES], calls[LANES], spent[LANES]; /* `spent` is of the whole motion */
 #if HAS_INPUTS
     double knot[LANES], table[4 * INPUTS * LANES]; /* where the segment of each lane begins, and its polynomials */
     int tables, called; /* whether there are any, and a callback */
 #endif
     Dense dense; /* of the lane that is done alone; behind all that is loaded as vectors */
-    int busy[LANES];
     size_t row[LANES];
     Motion motion[LANES];
 } Lanes;
 
 /* Vectors are loaded from there in one piece. */
 typedef char lanes_are_aligned[offsetof(Lanes, good) % sizeof(Bits) == 0 ? 1 : -1];
+
+/* Groups of lanes whose stages take turns: an operation of one need not wait for the one before, of the other. As many as the slopes of
+   both leave room for in the first cache. */
+#ifndef GROUPS
+#define GROUPS (sizeof(((Lanes *)0)->k) <= 16384 ? 2 : 1)
+#endif
 
 static inline void store(double *to, Vector v)
 {
@@ -263,17 +273,32 @@ static inline void feed_lanes(Lanes *w, const double *t, const double *z)
 }
 #endif
 
-/* Into the lane from its motion, and back. */
-static void enter_lane(Lanes *w, int lane)
+/* Where the next step of a motion ends at the latest. */
+static inline double ahead(const Motion *m)
 {
-    const Simulation *const s = &w->motion[lane].s;
+#if HAS_INPUTS
+    return until(&m->run, m->times[m->s.done]);
+#else
+    return m->times[m->s.done];
+#endif
+}
+
+/* Into the lane from its motion, and back. */
+static void enter_lane(const Motions *all, Lanes *w, int lane)
+{
+    const Motion *const m = w->motion + lane;
+    const Simulation *const s = &m->s;
     int i;
     for (i = 0; i < N; i++) {
         w->y[i * LANES + lane] = s->x[i];
         w->own[i * LANES + lane] = s->slope[i];
     }
     w->t[lane] = s->t;
+    w->goal[lane] = ahead(m);
+    w->final[lane] = m->times[all->n - 1];
+    w->wanted[lane] = s->next_step;
     w->error[lane] = s->error;
+    w->spent[lane] = (uint64_t)s->steps + (uint64_t)s->rejected;
     w->position_violation[lane] = s->position_violation;
     w->velocity_violation[lane] = s->velocity_violation;
     w->last[lane] = log2(fabs(s->error));
@@ -301,7 +326,13 @@ static void leave_lane(Lanes *w, int lane)
         s->x[i] = w->y[i * LANES + lane];
         s->slope[i] = w->own[i * LANES + lane];
     }
+    s->t = w->t[lane];
+    s->next_step = w->wanted[lane];
     s->error = w->error[lane];
+    s->steps += (long)w->steps[lane];
+    s->rejected += (long)w->rejected[lane];
+    s->calls += (long)w->calls[lane];
+    w->steps[lane] = w->rejected[lane] = w->calls[lane] = 0;
     s->position_violation = w->position_violation[lane];
     s->velocity_violation = w->velocity_violation[lane];
 #if HAS_GUARDS
@@ -350,7 +381,7 @@ static void refill(const Motions *all, const Method *method, Lanes *w, int lane,
             continue;
         }
         m->run.dense = all->events ? &w->dense : NULL;
-        w->busy[lane] = 1;
+        w->busy[lane] = UINT64_MAX;
         w->row[lane] = row;
         for (i = 0; i < INPUTS; i++)
             w->u[i * LANES + lane] = m->run.u[i];
@@ -358,22 +389,34 @@ static void refill(const Motions *all, const Method *method, Lanes *w, int lane,
             w->p[i * LANES + lane] = m->run.p[i];
         for (i = 0; i < CONSTANTS; i++)
             w->c[i * LANES + lane] = w->constants[lane][i];
-        enter_lane(w, lane);
+        enter_lane(all, w, lane);
     }
 }
 
 /* The slope at states z, of the work too where it is `weighted`; lanes that are not plain become bad. */
 static inline void slopes(Lanes *w, const double *t, const double *z, int weighted, double *k)
 {
-    const Vector zero = {0.0};
 #if HAS_INPUTS
     if (w->tables)
         feed_lanes(w, t, z);
 #endif
+#if HAS_LANES_SLOPE
+    if (weighted) {
+        LANES_slope(t, z, w->u, w->p, w->c, k, k + NX * LANES, w->stray);
+        store(w->bad, vector(w->bad) + vector(w->stray));
+        return;
+    }
+#endif
+#if HAS_LANES_RATES
+    LANES_rates(t, z, w->u, w->p, w->c, k, w->stray);
+#else
     LANES_dynamics(t, z, w->u, HAS_CONSTANTS ? w->c : w->p, k, w->stray);
+#endif
     store(w->bad, vector(w->bad) + vector(w->stray));
-    store(k + NX * LANES, zero);
 #if HAS_POWER
+    store(k + NX * LANES, (Vector){0.0});
+#endif
+#if HAS_POWER && !HAS_LANES_SLOPE
     if (weighted) {
         LANES_power(t, z, w->u, w->p, k + NX * LANES, w->stray);
         store(w->bad, vector(w->bad) + vector(w->stray));
@@ -382,84 +425,81 @@ static inline void slopes(Lanes *w, const double *t, const double *z, int weight
     (void)weighted;
 }
 
-/* Entries i to i + count of z = y + h * (the sum of row n over the slopes), or of h times the sum alone; `count` is a constant where this
-   is called, at most 4. */
-static inline void combine_some(const Tableau *m, int n, const Lanes *w, const double *y, double *z, int i, int count)
+/* For the functions of a method, each row of its weights once: z = y + h times a sum over the slopes, or h times the sum alone. */
+#define SLOPE(j) vector(k + (j) * N * LANES + i)
+#define MOVED(sum)                             \
+    for (i = 0; i < MOVING * LANES; i += LANES) \
+        store(z + i, vector(y + i) + vector(h) * (sum));
+#define CHANGE(sum)                            \
+    for (i = 0; i < MOVING * LANES; i += LANES) \
+        store(z + i, vector(h) * (sum));
+
+/* Row n of the weights: stages from y, then estimates of the error, then stages of the continuous output from y, then its powers, the first
+   of them from y. */
+static inline void combine(const Tableau *m, int n, const Lanes *w, double *z)
 {
-    const Vector h = vector(w->h);
-    Vector sum[4];
-    int j, k;
-    for (k = 0; k < count; k++)
-        sum[k] = m->weight[m->row[n]] * vector(w->k[m->at[m->row[n]]] + (i + k) * LANES);
-    for (j = m->row[n] + 1; j < m->row[n + 1]; j++) {
-        const double weight = m->weight[j], *const from = w->k[m->at[j]] + i * LANES;
-        for (k = 0; k < count; k++)
-            sum[k] += weight * vector(from + k * LANES);
-    }
-    for (k = 0; k < count; k++)
-        store(z + (i + k) * LANES, y ? vector(y + (i + k) * LANES) + h * sum[k] : h * sum[k]);
+    m->sums(n, w->k[0], w->h, w->y, z);
 }
 
-/* All of them: several sums at a time, for each addition waits for the one before. */
-static inline void combine(const Tableau *m, int n, const Lanes *w, const double *y, double *z)
+/* The error of a step in units of the tolerance, into w->now, from one estimate in w->e or from two. */
+static inline void lanes_error(const Motions *all, Lanes *w, int errors)
 {
-    int i;
-    for (i = 0; i + 4 <= MOVING; i += 4)
-        combine_some(m, n, w, y, z, i, 4);
-    for (; i + 2 <= MOVING; i += 2)
-        combine_some(m, n, w, y, z, i, 2);
-    for (; i < MOVING; i++)
-        combine_some(m, n, w, y, z, i, 1);
-}
-
-/* Root mean square of the values relative to the tolerance at y and z, squared. */
-static inline Vector norms(const Motions *all, const Lanes *w, const double *values)
-{
-    Vector squares = {0.0};
-    int i;
+    Vector first = {0.0}, second = {0.0}, size;
+    double roots[LANES];
+    int i, lane;
     for (i = 0; i < MOVING; i++) {
-        Vector size = larger(size_of(vector(w->y + i * LANES)), size_of(vector(w->z + i * LANES))), scaled;
+        Vector extent = larger(size_of(vector(w->y + i * LANES)), size_of(vector(w->z + i * LANES))), scale, scaled;
 #if TURNING
         if (i < NQ)
-            size = larger(size, vector(w->floor + i * LANES));
+            extent = larger(extent, vector(w->floor + i * LANES));
 #endif
-        scaled = vector(values + i * LANES) / (all->atol + all->rtol * size);
-        squares += scaled * scaled;
+        scale = 1.0 / (all->atol + all->rtol * extent);
+        scaled = vector(w->e + i * LANES) * scale;
+        first += scaled * scaled;
+        if (errors == 2) {
+            scaled = vector(w->other + i * LANES) * scale;
+            second += scaled * scaled;
+        }
     }
-    return squares / (double)N;
+    size = first + 0.01 * second;
+    memcpy(roots, &size, sizeof roots);
+    for (lane = 0; lane < LANES; lane++)
+        roots[lane] = sqrt(N * roots[lane]); /* first / N over the root of size / N */
+    memcpy(&size, roots, sizeof size);
+    store(w->now, either((Bits)(first == 0.0), first, first / size));
 }
 
-/* One step of an explicit method in all lanes: z, next, and the error in units of the tolerance. */
-static inline void lanes_step(const Motions *all, const Tableau *m, Lanes *w, double *error)
+/* One step of an explicit method in all lanes of the groups: z, next, and the error in units of the tolerance. */
+static inline void lanes_step(const Motions *all, const Tableau *m, Lanes *const *groups, int count)
 {
-    double squares[LANES], sizes[LANES];
-    int n, lane;
-    memcpy(w->k[0], w->own, sizeof w->own);
+    int g, n;
+    for (g = 0; g < count; g++) {
+        Lanes *const w = groups[g];
+        memcpy(w->k[0], w->own, sizeof w->own);
+        memset(w->bad, 0, sizeof w->bad);
+        memset(w->moved, 0, sizeof w->moved);
 #if !HAS_POWER
-    memcpy(w->z + NX * LANES, w->y + NX * LANES, LANES * sizeof(double));
+        memcpy(w->z + NX * LANES, w->y + NX * LANES, LANES * sizeof(double));
 #endif
-    for (n = 1; n <= m->stages; n++) {
-        combine(m, n - 1, w, w->y, w->z);
-        store(w->at, vector(w->t) + m->c[n - 1] * vector(w->h));
-        slopes(w, w->at, w->z, m->weighted >> n & 1, w->k[n]);
     }
-    memcpy(w->next, w->k[m->stages], sizeof w->next);
-    memset(error, 0, LANES * sizeof(double));
-    if (m->errors == 0 || all->step_size > 0.0)
-        return;
-    combine(m, m->stages, w, NULL, w->e);
-    {
-        const Vector first = norms(all, w, w->e);
-        Vector size = first;
-        if (m->errors == 2) {
-            combine(m, m->stages + 1, w, NULL, w->other);
-            size = first + 0.01 * norms(all, w, w->other);
+    for (n = 1; n <= m->stages; n++)
+        for (g = 0; g < count; g++) {
+            Lanes *const w = groups[g];
+            combine(m, n - 1, w, w->z);
+            store(w->at, vector(w->t) + m->c[n - 1] * vector(w->h));
+            slopes(w, w->at, w->z, m->weighted >> n & 1, w->k[n]);
         }
-        memcpy(squares, &first, sizeof squares);
-        memcpy(sizes, &size, sizeof sizes);
+    for (g = 0; g < count; g++) {
+        Lanes *const w = groups[g];
+        memcpy(w->next, w->k[m->stages], sizeof w->next);
+        memset(w->now, 0, sizeof w->now);
+        if (m->errors == 0 || all->step_size > 0.0)
+            continue;
+        combine(m, m->stages, w, w->e);
+        if (m->errors == 2)
+            combine(m, m->stages + 1, w, w->other);
+        lanes_error(all, w, m->errors);
     }
-    for (lane = 0; lane < LANES; lane++)
-        error[lane] = squares[lane] == 0.0 ? 0.0 : squares[lane] / sqrt(sizes[lane]);
 }
 
 #if HAS_PROJECT
@@ -469,7 +509,7 @@ static inline void lanes_projected(Lanes *w)
     double *const point = w->e, *const close = w->other;
     Bits active = bits(w->good), moved = active ^ active;
     Vector before = (Vector){0.0} + INFINITY;
-    int i, n, lane;
+    int i, n;
     memcpy(point, w->z, sizeof w->z);
     for (n = 0; n < PROJECT_MOST && any(active); n++) {
         Vector residual;
@@ -495,8 +535,7 @@ static inline void lanes_projected(Lanes *w)
     slopes(w, w->end, w->z, 1, w->k[0]);
     for (i = 0; i < N; i++)
         store(w->next + i * LANES, either(moved, vector(w->k[0] + i * LANES), vector(w->next + i * LANES)));
-    for (lane = 0; lane < LANES; lane++)
-        w->motion[lane].s.calls += w->moved[lane] != 0;
+    *(Bits *)w->calls += moved & 1;
 }
 #endif
 
@@ -535,12 +574,12 @@ static inline void lanes_dense(const Tableau *m, Lanes *w)
     int i, n;
     memcpy(w->k[0], w->own, sizeof w->own);
     for (n = 0; n < m->extra; n++) {
-        combine(m, first + n, w, w->y, w->e);
+        combine(m, first + n, w, w->e);
         store(w->at, vector(w->t) + m->c[m->stages + n] * vector(w->h));
         slopes(w, w->at, w->e, 0, w->k[m->stages + 1 + n]);
     }
     for (n = 0; n <= m->degree && m->degree; n++)
-        combine(m, first + m->extra + n, w, n ? NULL : w->y, w->a[n]);
+        combine(m, first + m->extra + n, w, w->a[n]);
     for (i = 0; i < NX; i++) {
         const Vector h = vector(w->h), y = vector(w->y + i * LANES), z = vector(w->z + i * LANES);
         const Vector own = vector(w->own + i * LANES), next = vector(w->next + i * LANES), rise = 0.5 * (z - y);
@@ -624,8 +663,7 @@ static inline void lanes_watched(const Motions *all, const Tableau *m, Lanes *w)
         bad += either(seen, one, one - one);
     }
     store(w->bad, bad);
-    for (lane = 0; lane < LANES; lane++)
-        w->motion[lane].s.calls += w->good[lane] && w->bad[lane] == 0.0 ? m->extra : 0;
+    *(Bits *)w->calls += bits(w->good) & (Bits)(bad == 0.0) & (uint64_t)m->extra;
 }
 
 #if KINKS
@@ -684,177 +722,207 @@ static inline void lanes_accept(Lanes *w)
 #endif
 }
 
-/* After a good step of one lane: counts, time, the next size by `factor`, turns; rows where an output time is reached. */
-static int stepped(const Motions *all, Lanes *w, int lane, double error, double factor, int last)
+/* Sizes of the next steps; lanes that are good have taken theirs, others but for those that have to be done alone take a shorter one.
+   `met` says which these are, and which are where something is to be done: at an output time, at a knot, beyond a turn. */
+static inline void lanes_sized(const Motions *all, const Method *method, Lanes *w, uint64_t *met)
 {
-    Motion *const m = w->motion + lane;
-    Simulation *const s = &m->s;
+    const double floor_of_log = -13.287712379549449; /* log2 of 1e-4 */
+    const Vector now = vector(w->now), h = vector(w->h), error = vector(w->error), one = (Vector){0.0} + 1.0;
+    const Bits good = bits(w->good), busy = bits(w->busy), last = (Bits)(vector(w->end) >= vector(w->goal));
+    const Bits shorter = busy & ~good & (Bits)(now > 1.0) & (Bits)(vector(w->stray_now) == 0.0);
     if (!(all->step_size > 0.0)) {
-        const double ratio = fmax(w->error[lane] < 0.0 ? 1.0 : 0.1, fmin(5.0, factor));
-        if (!last || w->h[lane] / ratio > s->next_step)
-            s->next_step = w->h[lane] / ratio;
-        w->error[lane] = error > 1e-4 ? error : 1e-4;
+        const Vector log = quick_log2(now), wanted = vector(w->wanted), most = 5.0 * one, zero = one - one;
+        const Vector before = either(good, method->damp * vector(w->last), zero); /* as in shrinkage; a step that is too long knows no other */
+        const Vector factor = quick_exp2(method->grow * log - before) * (1.0 / method->safety);
+        const Vector least = either(good, either((Bits)(error < 0.0), one, 0.1 * one), zero);
+        const Vector next = h / larger(either((Bits)(factor < most), factor, most), least);
+        const Bits kept = good & last & ~(Bits)(next > wanted); /* a step that was cut short says little */
+        store(w->wanted, either((good & ~kept) | shorter, next, wanted));
+        store(w->error, either(good, larger(now, 1e-4 * one), either(shorter, -size_of(error), error)));
+        store(w->last, either(good, larger(log, floor_of_log * one), vector(w->last)));
     }
-    s->steps++;
-#if KINKS
-    s->landed = 0;
-#endif
-    s->t = w->t[lane] = w->end[lane];
-    m->failed = OK;
-#if TURNING
+    store(w->t, either(good, vector(w->end), vector(w->t)));
+    *(Bits *)w->steps += good & 1;
+    *(Bits *)w->rejected += shorter & 1;
+    *(Bits *)w->spent += (good | shorter) & 1;
     {
-        int i, far = 0;
+        Bits there = last;
+#if TURNING
+        int i;
         for (i = 0; i < TURNING; i++)
-            far |= fabs(w->y[turning[i] * LANES + lane]) > turn;
-        if (far) {
-            leave_lane(w, lane);
-            unwind(s);
-            enter_lane(w, lane);
-        }
-    }
+            there |= (Bits)(size_of(vector(w->y + turning[i] * LANES)) > turn);
 #endif
-#if HAS_INPUTS
-    if (at_knot(&m->run)) {
-        int status;
-        leave_lane(w, lane);
-        if ((status = behind_knot(&m->run)) != OK)
-            return status;
-        enter_lane(w, lane);
+        *(Bits *)met = (busy & ~(good | shorter)) | (good & there);
     }
-#endif
-    if (s->t < m->times[s->done])
-        return MORE;
-    leave_lane(w, lane);
-    return reached(all, m);
 }
 
-/* Where the next step of a motion ends at the latest. */
-static inline double ahead(const Motion *m)
+/* The step to come in all lanes; `halted` says which may not take one. */
+static inline void lanes_begun(const Motions *all, Lanes *w, uint64_t *halted)
 {
-#if HAS_INPUTS
-    return until(&m->run, m->times[m->s.done]);
-#else
-    return m->times[m->s.done];
-#endif
+    const Vector left = vector(w->goal) - vector(w->t), most = left * (1.0 - 1e-9), wanted = vector(w->wanted); /* as in next_size */
+    const Vector half = 0.5 * left, t = size_of(vector(w->t));
+    Vector h = either((Bits)(wanted >= most), left, either((Bits)(wanted > 0.5 * most), half, wanted));
+    Bits stopped = (Bits)(bits(w->spent) >= (all->budget > 0 ? (uint64_t)all->budget : 0));
+    int lane;
+    if (all->step_size > 0.0) {
+        double equal[LANES];
+        for (lane = 0; lane < LANES; lane++)
+            equal[lane] = next_size(&w->motion[lane].s, w->goal[lane] - w->t[lane]);
+        memcpy(&h, equal, sizeof h);
+    }
+    for (lane = 0; all->events && lane < LANES; lane++)
+        if (w->busy[lane] && !has_room(w->motion[lane].s.events))
+            stopped[lane] = UINT64_MAX;
+    stopped |= (Bits)(h < left) & (Bits)(h < larger(16.0 * DBL_EPSILON * t, 1e-30 * size_of(vector(w->final))));
+    store(w->h, h);
+    store(w->end, either((Bits)(h >= left), vector(w->goal), vector(w->t) + h));
+    *(Bits *)halted = stopped & bits(w->busy);
 }
 
-/* Sizes of the next steps. Lanes that may not go on are ended and refilled. Returns how many are busy. */
-static int lanes_sizes(const Motions *all, const Method *method, Lanes *w, size_t *queue, double *left)
+/* Ends lanes that may not go on and refills them. Returns whether any is busy. */
+static int lanes_ready(const Motions *all, const Method *method, Lanes *w, size_t *queue)
 {
-    int lane, count = 0;
-    for (lane = 0; lane < LANES; lane++)
-        while (w->busy[lane]) {
+    uint64_t *const halted = w->met, busy = 0;
+    int lane;
+    for (;;) {
+        lanes_begun(all, w, halted);
+        if (!any(bits(halted)))
+            break;
+        for (lane = 0; lane < LANES; lane++) {
             Motion *const m = w->motion + lane;
             const Simulation *const s = &m->s;
-            const double time = ahead(m);
-            double h;
-            int status = OK;
-            left[lane] = time - s->t;
-            h = next_size(s, left[lane]);
+            int status;
+            if (!halted[lane])
+                continue;
+            leave_lane(w, lane);
             if (s->events && !has_room(s->events))
                 status = FULL;
             else if (s->steps + s->rejected >= all->budget)
                 status = MORE;
-            else if (h < left[lane] && h < fmax(16.0 * DBL_EPSILON * fabs(s->t), 1e-30 * fabs(m->times[all->n - 1])))
-                status = m->failed ? m->failed : STEP_TOO_SMALL;
-            if (status == OK) {
-                w->h[lane] = h;
-                w->end[lane] = h >= left[lane] ? time : s->t + h;
-                count++;
-                break;
-            }
-            leave_lane(w, lane);
-            finish(all, w->row[lane], m, status == MORE || status == FULL ? status : told(&m->run, status));
+            else
+                status = told(&m->run, m->failed && m->failed_at == w->spent[lane] ? m->failed : STEP_TOO_SMALL);
+            finish(all, w->row[lane], m, status);
             refill(all, method, w, lane, queue);
         }
-    return count;
+    }
+    for (lane = 0; lane < LANES; lane++)
+        busy |= w->busy[lane];
+    return busy != 0;
+}
+
+/* After a good step of one lane that has come to where something is to be done. */
+static int arrived(const Motions *all, Lanes *w, int lane)
+{
+    Motion *const m = w->motion + lane;
+    int status = MORE;
+    leave_lane(w, lane);
+#if TURNING
+    unwind(&m->s);
+#endif
+#if HAS_INPUTS
+    if ((status = behind_knot(&m->run)) != OK)
+        return status;
+    status = MORE;
+#endif
+    if (!(m->s.t < m->times[m->s.done]))
+        status = reached(all, m);
+    if (status == MORE)
+        enter_lane(all, w, lane);
+    return status;
 }
 
 /* Takes the step of one lane again, by the loop of one motion. */
-static int alone(const Motions *all, const Method *method, Lanes *w, int lane, double left)
+static int alone(const Motions *all, const Method *method, Lanes *w, int lane)
 {
     Motion *const m = w->motion + lane;
     int status;
     leave_lane(w, lane);
     m->s.calls -= ((const Tableau *)method->coefficients)->stages + (w->moved[lane] != 0);
-    status = advance(&m->run, method, ahead(m), left, w->h[lane], &m->failed);
+    status = advance(&m->run, method, w->goal[lane], w->goal[lane] - m->s.t, w->h[lane], &m->failed);
+    m->failed_at = (uint64_t)m->s.steps + (uint64_t)m->s.rejected;
 #if HAS_INPUTS
     status = status == OK ? behind_knot(&m->run) : status;
 #endif
-    enter_lane(w, lane);
     if (status != OK)
         return told(&m->run, status);
-    return m->s.t < m->times[m->s.done] ? MORE : reached(all, m);
+    status = m->s.t < m->times[m->s.done] ? MORE : reached(all, m);
+    if (status == MORE)
+        enter_lane(all, w, lane);
+    return status;
 }
 
-static void side_by_side(const Motions *all, const Method *method, Lanes *w)
+/* What follows the stages of a step: good lanes take it. */
+static inline void lanes_settled(const Motions *all, const Method *method, Lanes *w, size_t *queue)
 {
     const Tableau *const tableau = (const Tableau *)method->coefficients;
-    const double floor_of_log = -13.287712379549449; /* log2 of 1e-4 */
-    double left[LANES] = {0.0}, error[LANES], shorter[LANES], factor[LANES], logs[LANES], stray[LANES];
-    size_t queue = 0;
+    uint64_t *const met = w->met;
     int lane;
-    memset(w, 0, sizeof *w);
+#if KINKS
+    lanes_kinked(w);
+#endif
+    memcpy(w->stray_now, w->bad, sizeof w->bad);
+    *(Bits *)w->good = bits(w->busy) & (Bits)(vector(w->bad) == 0.0) & (Bits)(vector(w->now) <= 1.0);
+    *(Bits *)w->calls += bits(w->busy) & (uint64_t)tableau->stages;
+#if HAS_PROJECT
+    if (all->enforcement == PROJECTION)
+        lanes_projected(w);
+#endif
+    lanes_looked(w);
+    *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
+    if (all->events) {
+        lanes_watched(all, tableau, w);
+        *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
+    }
+    lanes_accept(w);
+#if KINKS
+    for (lane = 0; lane < LANES; lane++)
+        if (w->good[lane])
+            w->motion[lane].s.landed = 0;
+#endif
+    lanes_sized(all, method, w, met);
+    if (!any(bits(met)))
+        return;
+    for (lane = 0; lane < LANES; lane++)
+        if (met[lane]) {
+            const int status = w->good[lane] ? arrived(all, w, lane) : alone(all, method, w, lane);
+            if (status == MORE)
+                continue;
+            finish(all, w->row[lane], w->motion + lane, status);
+            refill(all, method, w, lane, queue);
+        }
+}
+
+static void side_by_side(const Motions *all, const Method *method, Lanes *lanes)
+{
+    const Tableau *const tableau = (const Tableau *)method->coefficients;
+    Lanes *groups[GROUPS]; /* with motions */
+    size_t queue = 0;
+    int g, lane, count;
 #if HAS_INPUTS
-    w->tables = all->inputs != NULL;
+    int called = 0;
     for (queue = 0; all->inputs && queue < (all->inputs_stride ? all->rows : 1); queue++)
-        w->called |= all->inputs[queue].call != NULL;
+        called |= all->inputs[queue].call != NULL;
     queue = 0;
 #endif
-    for (lane = 0; lane < LANES; lane++)
-        refill(all, method, w, lane, &queue);
-    while (lanes_sizes(all, method, w, &queue, left)) {
-        memset(w->bad, 0, sizeof w->bad);
-        memset(w->moved, 0, sizeof w->moved);
-        lanes_step(all, tableau, w, error);
-#if KINKS
-        lanes_kinked(w);
+    for (g = 0; g < (int)GROUPS; g++) {
+        Lanes *const w = lanes + g;
+        memset(w, 0, sizeof *w);
+#if HAS_INPUTS
+        w->tables = all->inputs != NULL;
+        w->called = called;
 #endif
-        memcpy(stray, w->bad, sizeof stray);
-        {
-            Vector log, part;
-            memcpy(&log, error, sizeof log);
-            log = quick_log2(log);
-            part = quick_exp2(method->grow * log) / method->safety;
-            memcpy(shorter, &part, sizeof part);
-            part = quick_exp2(method->grow * log - method->damp * vector(w->last)) / method->safety;
-            memcpy(factor, &part, sizeof part);
-            memcpy(logs, &log, sizeof log);
-        }
         for (lane = 0; lane < LANES; lane++)
-            w->good[lane] = w->busy[lane] && w->bad[lane] == 0.0 && error[lane] <= 1.0 ? UINT64_MAX : 0;
-#if HAS_PROJECT
-        if (all->enforcement == PROJECTION)
-            lanes_projected(w);
-#endif
-        lanes_looked(w);
-        *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
-        if (all->events)
-            lanes_watched(all, tableau, w);
-        *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
-        lanes_accept(w);
-        for (lane = 0; lane < LANES; lane++) {
-            Motion *const m = w->motion + lane;
-            int status = MORE;
-            if (!w->busy[lane])
-                continue;
-            m->s.calls += tableau->stages;
-            if (w->good[lane]) {
-                status = stepped(all, w, lane, error[lane], factor[lane], w->h[lane] >= left[lane]);
-                w->last[lane] = logs[lane] > floor_of_log ? logs[lane] : floor_of_log;
-            } else if (!(error[lane] > 1.0) || !(stray[lane] == 0.0)) {
-                status = alone(all, method, w, lane, left[lane]);
-            } else {
-                m->s.next_step = w->h[lane] / (shorter[lane] < 5.0 ? shorter[lane] : 5.0);
-                m->s.rejected++;
-                m->failed = OK;
-                w->error[lane] = -fabs(w->error[lane]);
-            }
-            if (status != MORE) {
-                finish(all, w->row[lane], m, status);
-                refill(all, method, w, lane, &queue);
-            }
-        }
+            refill(all, method, w, lane, &queue);
+    }
+    for (;;) {
+        for (g = count = 0; g < (int)GROUPS; g++)
+            if (lanes_ready(all, method, lanes + g, &queue))
+                groups[count++] = lanes + g;
+        if (!count)
+            return;
+        lanes_step(all, tableau, groups, count);
+        for (g = 0; g < count; g++)
+            lanes_settled(all, method, groups[g], &queue);
     }
 }
 #endif

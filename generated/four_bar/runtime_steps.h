@@ -26,6 +26,10 @@ typedef struct {
     const unsigned char *at;
     const double *weight;
     int extra, degree; /* further stages of the continuous output, and the powers of 2 theta - 1 in it: rows after those of the errors */
+#if HAS_LANES
+    /* row n with slopes k of several motions side by side, into z */
+    void (*sums)(int n, const double *k, const double *h, const double *y, double *z);
+#endif
 } Tableau;
 
 /* The sum of row n over the slopes k. */

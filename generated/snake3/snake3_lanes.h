@@ -18,5 +18,8 @@ enum { LANES = 4 };
 void snake3_constraints_lanes(const double *t, const double *x, const double *u, const double *p, double *out, double *stray);
 void snake3_power_lanes(const double *t, const double *x, const double *u, const double *p, double *out, double *stray);
 void snake3_dynamics_lanes(const double *t, const double *x, const double *u, const double *c, double *out, double *stray);
+/* For steps of motions: dynamics, with sines and cosines to 2.3e-16; with the power, too. */
+void snake3_rates_lanes(const double *t, const double *x, const double *u, const double *p, const double *c, double *out, double *stray);
+void snake3_slope_lanes(const double *t, const double *x, const double *u, const double *p, const double *c, double *out, double *power, double *stray);
 
 #endif

@@ -221,3 +221,18 @@ def test_other_widths_give_the_same_rows(
         wide, usual = (m.simulate((0.0, 1.0), x, **how) for m in (module, modules["four_bar"]))
         assert module.backend == "extension" and not wide.status.any()
         np.testing.assert_allclose(wide.x, usual.x, rtol=1e-9, atol=1e-10)
+
+
+def test_work_is_summed_up_where_a_force_does_any() -> None:
+    """A disk that rolls without losses has a power, which is zero whatever it does."""
+    flags = {
+        name: dict(re.findall(r"#define (HAS_\w+) (\d)", _simulate_of(name)))
+        for name in ("rolling_disk", "snake3")
+    }
+    assert [flags[name]["HAS_POWER"] for name in flags] == ["0", "1"]
+    assert [flags[name]["HAS_LANES_SLOPE"] for name in flags] == ["0", "1"]
+    assert [flags[name]["HAS_LANES_RATES"] for name in flags] == ["1", "1"]
+
+
+def _simulate_of(name: str) -> str:
+    return emit(program(derived(name), None, EXPLICIT))[f"{name}_simulate.c"]

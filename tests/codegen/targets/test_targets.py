@@ -508,3 +508,16 @@ def test_lanes_on_zen_are_ordered_by_another_model(
     monkeypatch.setattr(compiler, "probe", lambda command: ((), said))
     assert (compiler.TUNE in compiler.flags_of(["cc"], "m", "m_batch")) is tuned
     assert compiler.TUNE not in compiler.flags_of(["cc"], "m", "m")
+
+
+@pytest.mark.parametrize(
+    ("macros", "whole", "contracted"),
+    [("12", True, True), ("8", True, False), ("4\n#define __clang__ 1", False, False)],
+)
+def test_flags_of_lanes_are_for_gcc_alone(
+    macros: str, whole: bool, contracted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiler, "probe", lambda command: ((), f"#define __GNUC__ {macros}\n"))
+    batch, steps = (compiler.flags_of(["cc"], "m", f"m_{stem}") for stem in ("batch", "simulate"))
+    assert set(compiler.WHOLE).issubset(batch) is whole
+    assert set(compiler.CONTRACT).issubset(steps) is contracted

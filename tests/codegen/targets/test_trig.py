@@ -1,9 +1,11 @@
 """The inlined sine and cosine: below one unit in the last place on |x| ≤ 1e5, the library's own
-beyond; scalar and in batches."""
+beyond; scalar and in batches. In steps of motions side by side, shorter ones."""
 
 from __future__ import annotations
 
+import ctypes
 import math
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -15,8 +17,10 @@ import numpy as np
 import pytest
 
 from codegen import compiler, loader
+from codegen.emit import emit
 from codegen.passes import program
 from hamel.build.module import published
+from tests.scenes import derived
 from tests.toy import turning
 
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -89,6 +93,46 @@ def test_nearest_to_multiples_of_half_a_turn(module: ModuleType) -> None:
         for row, wanted in zip(found, exact):
             for value, true in zip(row, wanted):
                 assert abs((mpmath.mpf(float(value)) - true) / math.ulp(float(true))) <= 0.8
+
+
+def shorter(x: np.ndarray, folder: Path, *flags: str) -> tuple[np.ndarray, np.ndarray]:
+    """Sines and cosines of the function for steps of motions, as a compiler with `flags` has it."""
+    text = emit(program(derived("four_bar"), None, ("dop853",)))["four_bar_batch.c"]
+    found = re.search(
+        r"^INLINE double four_bar_sincos_short.*?^}\n", text, re.MULTILINE | re.DOTALL
+    )
+    assert found
+    (folder / "short.c").write_text(
+        "#include <math.h>\n#include <stdint.h>\n#include <string.h>\n#define INLINE static inline\n"
+        + found[0]
+        + "void all(int n, const double *x, double *s, double *c)\n"
+        "{\n    for (int i = 0; i < n; i++) four_bar_sincos_short(x[i], s + i, c + i);\n}\n"
+    )
+    command = compiler.find_compiler()
+    assert command
+    library = folder / f"short{len(flags)}.so"
+    made = [*command, "-std=c99", "-O2", "-shared", "-fPIC", *flags, "short.c", "-o", str(library)]
+    subprocess.run(made, cwd=folder, check=True)
+    arrays = [np.ascontiguousarray(x), np.empty_like(x), np.empty_like(x)]
+    ctypes.CDLL(str(library)).all(
+        len(x), *(a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in arrays)
+    )
+    return arrays[1], arrays[2]
+
+
+@needs_compiler
+@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="no long double to compare with")
+@pytest.mark.parametrize("flags", [("-ffp-contract=off",), ("-march=native", "-ffp-contract=fast")])
+def test_shorter_ones_of_steps(tmp_path: Path, flags: tuple[str, ...]) -> None:
+    """With one rounding of a product and a sum, and with two."""
+    x = points()
+    sines, cosines = shorter(x, tmp_path, *flags)
+    exact = x.astype(np.longdouble)
+    assert np.abs(sines - np.sin(exact)).max() <= 2.3e-16
+    assert np.abs(cosines - np.cos(exact)).max() <= 2.3e-16
+    small = np.abs(x) <= 0.8
+    assert errors(sines[small], np.sin(exact[small])).max() <= 1.6
+    assert shorter(np.array([0.0, -0.0]), tmp_path, *flags)[0].tolist() == [0.0, 0.0]
 
 
 @needs_compiler

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 
 @contextmanager
-def without_collections() -> Iterator[None]:
+def without_collections() -> Generator[None]:
     """Python looks for cycles the more often the more objects there are. A long file makes millions
     and no cycle among them: looking takes as long as reading."""
     collecting = gc.isenabled()

@@ -5,6 +5,8 @@ from __future__ import annotations
 # page
 MAP = 25  # values of each name in a map that is made for the page
 STRONGEST = 8  # parameters named for each mode
+NARROW_TABLE = 48  # letters of a row that fit on the narrowest screen
+GAP = 2  # letters between columns
 GROWING = 1e-9  # a real part (1/s) above this grows
 NOTHING = 1e-12  # a constant of the motion below this is zero
 ROUNDOFF = 1e-13  # of the largest entry: an entry below this is zero

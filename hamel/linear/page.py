@@ -21,7 +21,16 @@ from derive.textbook.pages import rendered
 from hamel.draw.mechanism import picture, svg
 from hamel.linear import plots
 from hamel.linear.figure import moving
-from hamel.linear.limits import GROWING, MAP, NOTHING, REAL, ROUNDOFF, STRONGEST
+from hamel.linear.limits import (
+    GAP,
+    GROWING,
+    MAP,
+    NARROW_TABLE,
+    NOTHING,
+    REAL,
+    ROUNDOFF,
+    STRONGEST,
+)
 from hamel.linear.ranges import Range, own_ranges
 from hamel.linear.sweep import Sweep, swept
 from hamel.linear.words import course, shape
@@ -59,15 +68,20 @@ def page(study: Study, sweep: Sweep, ranges: Sequence[Range], record: Linearized
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Cells are HTML already."""
-    top = _row("th", [escape(x) for x in head])
-    body = "\n".join(_row("td", row) for row in rows)
-    table = f"<table><thead>{top}</thead><tbody>{body}</tbody></table>"
+    """Cells are HTML already. A wide one shows every row as lines below each other on a phone."""
+    titles = [escape(x) for x in head]
+    top = "".join(f"<th>{title}</th>" for title in titles)
+    body = "\n".join(_row(titles, row) for row in rows)
+    columns = zip(titles, *rows)
+    width = sum(GAP + max(map(len, cells)) for cells in columns)
+    how = ' class="stacked"' if width > NARROW_TABLE else ""
+    table = f"<table{how}><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
     return f'<div class="scroll">{table}</div>'
 
 
-def _row(tag: str, cells: Sequence[str]) -> str:
-    return "<tr>" + "".join(f"<{tag}>{cell}</{tag}>" for cell in cells) + "</tr>"
+def _row(titles: Sequence[str], cells: Sequence[str]) -> str:
+    labelled = zip(titles, cells)
+    return "<tr>" + "".join(f'<td data-label="{x}">{cell}</td>' for x, cell in labelled) + "</tr>"
 
 
 def _verdict(study: Study, record: Linearized, shapes: Sequence[Mode]) -> str:

@@ -523,6 +523,9 @@ def test_the_metre_does_not_matter(size):
     assert np.min(np.abs(at(0.0, x, [], chosen.parameters).full())) > 1e3
 
 
+TABLES = ("", ' class="stacked"')
+
+
 def test_the_page_of_a_bicycle_gives_its_verdict_in_one_line(tmp_path):
     """Not with the 25 parameters; rounding is no real part, letters are those of the file, and the
     equation is in parts, each of which fits a narrow screen."""
@@ -532,8 +535,11 @@ def test_the_page_of_a_bicycle_gives_its_verdict_in_one_line(tmp_path):
     page = record.page.read_text("utf-8")
     verdict = re.search(r"In one line</h2>\s*<p>(.*?)</p>", page, re.DOTALL)[1]
     assert "No mode grows at speed = 5." in verdict and "IRxx" not in verdict
-    assert "<td>0 ± 3.43503 i</td>" in page and "<td>6.0242620154</td>" in page
+    assert ">0 ± 3.43503 i</td>" in page and ">6.0242620154</td>" in page
     equation = re.search(r'<div class="equation">(.*?)</div>', page, re.DOTALL)[1]
     assert (
         equation.count("<math") == 3 and "&#x003D5;" not in equation and "φ" in unescape(equation)
     )
+    titles = {how: re.findall(rf"<table{how}><thead><tr><th>(.*?)</th>", page) for how in TABLES}
+    assert "what happens" in titles[' class="stacked"'], "rows as lines on a phone"
+    assert "constant" in titles[""], "a narrow one stays a table"

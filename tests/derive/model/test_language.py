@@ -77,7 +77,7 @@ def test_four_bar() -> None:
     assert model.gravity == (ZERO, Number(-9.81, "m/s^2"), ZERO)
     assert [c.name for c in model.coordinates] == ["q1", "q2", "q3"]
     assert [v.name for v in model.velocities] == ["der(q1)", "der(q2)", "der(q3)"]
-    assert named(model.parameters, "m1").about == "crank mass"
+    assert named(model.parameters, "m1").about == "mass of the crank"
     assert named(model.bodies, "crank").inertia[:2] == (ZERO, ZERO)
     assert named(model.bodies, "crank").inertia[2] == expression("m1*l1**2/12")
     assert named(model.joints, "B").at_parent.position == (Name("l1"), ZERO, ZERO)

@@ -126,7 +126,7 @@ def test_guesses_move_silently_and_held_values_are_reported_when_they_move(tmp_p
 
 
 def test_a_linkage_that_cannot_close_is_said_where_it_starts(tmp_path):
-    path = changed(tmp_path, "l4: 0.55 m", "l4: 5.5 m")
+    path = changed(tmp_path, "l4: {value: 0.55 m", "l4: {value: 5.5 m")
     with pytest.raises(HamelError, match="satisf") as caught:
         hamel.simulate(path)
     assert caught.value.exit_code in (1, 2)

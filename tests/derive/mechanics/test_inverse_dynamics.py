@@ -12,8 +12,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from codegen.passes import program
 from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.formulations import equations
 from derive.joints.rotations import cross, dot, is_zero, rotated, sum_of
+from derive.mechanics import inverse_dynamics
 from derive.mechanics.accelerations import State, accelerations
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.records import Inertia, Link, System
@@ -92,3 +95,17 @@ def test_the_forces_are_those_of_plain_newton_euler(name: str, constants: str) -
     s = mechanics_of(name, constants)
     plain, few = both(s)
     assert np.abs(few - plain).max() <= 1e-11 * max(1.0, np.abs(plain).max())
+
+
+@pytest.mark.parametrize("name", ["snake3", "bicycle", "stanford_arm", "free_body", "arm.urdf"])
+def test_the_points_of_the_file_do_as_well(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever it is not the cheapest way, too."""
+    monkeypatch.setattr(inverse_dynamics, "cheapest", lambda ways: ways[-1])
+    s = mechanics_of(name, "")
+    plain, few = both(s)
+    assert np.abs(few - plain).max() <= 1e-11 * max(1.0, np.abs(plain).max())
+
+
+def test_a_snake_takes_no_more_operations_than_it_did() -> None:
+    found = program(equations(mechanics_of("snake3", "")), ["inverse_dynamics"])
+    assert found.kernel("inverse_dynamics").operations["total"] <= 77

@@ -39,6 +39,7 @@ class Limits:
     whole: float  # a part of a step that is rounding
     least_step: int  # in units of rounding of the time
     independent: float  # smallest pivot of the constraints from which a stop is the choice's own
+    carried: float  # of v, that a change of coordinates may be off by
     nearly_based: float  # a frame that is as good as this need not be based anew
     tight: float  # rtol from which an explicit method of high order takes less time
     series: float  # rtol from which one motion takes less time along its Taylor series

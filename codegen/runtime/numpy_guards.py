@@ -4,6 +4,8 @@ singular position may be believed, as in runtime_enforcements.h and runtime_simu
 The same file in every generated folder. No claim of licence is made on it: 0BSD, see LICENSE.txt.
 """
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,8 @@ from .numpy_motion import Failed, Motion
 from .runge_kutta import Step
 from .simulation import Status
 
-CUTS = (0.37, 0.61, 0.23)  # of a step that is made again in two
+CUTS = (0.37, 0.61, 0.23, 0.5, 0.78, 0.44, 0.69, 0.3)  # of a step that is made again in two
+FIRST = 3  # of the cuts: the others where stages are on the constraints
 FOLLOWED = 0.8  # of the speed: a jump of the rates that no step follows
 NEAR = 0.1  # of the largest: a guard that positions off the constraints may mislead
 
@@ -66,6 +69,18 @@ def begin(motion: Motion) -> None:
     remember(motion, 0.0, looked(motion, motion.state["t"], 0.0, motion.state["x"])[0])
 
 
+def is_passing(motion: Motion, h: Any) -> bool:
+    """Whether a guard would vanish within h if it went on as in the last step. Rates of coordinates
+    are quotients there whose parts vanish together: stages have to be on the constraints."""
+    facts = motion.facts
+    projects = facts.enforcements[int(motion.state["enforcement"])] == "projection"
+    if not projects or not facts.lengths["project"] or not any(facts.guards):
+        return False
+    last, size, rate = guards(motion)
+    before = np.abs(last) + 1.2 * h * np.minimum(rate, 0.0)
+    return bool(((size > 0) & (before < 0)).any())
+
+
 def passed(motion: Motion, step: Step, end: Any, z: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """The guards at z, if the step to there may be believed. Raises Failed."""
     values, crossed = looked(motion, end, step.h, z)
@@ -76,24 +91,32 @@ def passed(motion: Motion, step: Step, end: Any, z: np.ndarray, slope: np.ndarra
 
 
 def _believed(motion: Motion, step: Step, end: Any, z: np.ndarray, slope: np.ndarray) -> bool:
-    """Whether the rates of the coordinates do not jump and other steps lead to z too."""
+    """Whether the rates of the coordinates do not jump, and a step back or other steps agree."""
     nq, own = motion.facts.nq, step.stages[0]
     jump, speed = np.abs((slope - own)[:nq]).max(), np.abs(own[:nq]).max()
     if jump > FOLLOWED * speed:
         return False
-    return any(_agrees(motion, step, step.t + cut * step.h, end, z, slope) for cut in CUTS)
+    cuts = (step.t + cut * step.h for cut in (CUTS if motion.passing else CUTS[:FIRST]))
+    ways = ([step.t, cut, end] for cut in cuts)
+    if any(_leads(motion, way, (step.y, own), (z, slope), speed) for way in ways):
+        return True
+    back = [end, step.t]
+    return motion.passing and _leads(motion, back, (z, slope), (step.y, own), speed)
 
 
-def _agrees(
-    motion: Motion, step: Step, cut: Any, end: Any, z: np.ndarray, slope: np.ndarray
-) -> bool:
-    """Whether the step, cut in two there, leads to z too, and to its rates of the coordinates."""
-    own, nq = step.stages[0], motion.facts.nq
+Place = tuple[np.ndarray, np.ndarray]  # a state and its slope
+
+
+def _leads(motion: Motion, way: Sequence[Any], start: Place, goal: Place, speed: Any) -> bool:
+    """Whether steps between the times of the way lead from the start to the goal: the state within
+    the tolerance, rates of the coordinates nearly so."""
+    (first, _), (z, slope) = start, goal
+    y, own = start
     try:
-        middle, bend = motion.landed(step.t, cut, step.y, own)
-        again, last = motion.landed(cut, end, middle, bend)
+        for t, end in pairwise(way):
+            y, own = motion.landed(t, end, y, own)
     except Failed:
         return False
-    differ, speed = np.abs((last - slope)[:nq]).max(), np.abs(own[:nq]).max()
+    differ = np.abs((own - slope)[: motion.facts.nq]).max()
     within = min(10 * motion.rtol, motion.facts.limits.agreement) * speed
-    return motion.norm(again - z, step.y, z) <= 1 and bool(differ <= within)
+    return motion.norm(y - z, first, z) <= 1 and bool(differ <= within)

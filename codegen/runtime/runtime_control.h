@@ -61,6 +61,9 @@ typedef struct {
     size_t segment; /* of the tables that the state is in */
     int refused; /* the callback wants no more */
 #endif
+#if HAS_GUARDS && HAS_PROJECT
+    int passing; /* by a singular position: every stage of the step is put on the constraints */
+#endif
     Dense *dense; /* NULL where nothing looks inside the steps */
 } Run;
 
@@ -75,10 +78,23 @@ static int on_coordinates(const Run *r);
 static int on_chart(Run *r, double t, double *z);
 #endif
 
-/* Time derivative of the state; an enforcement by coordinates first puts y on the constraints. */
+#if HAS_GUARDS && HAS_PROJECT
+/* Puts y on the constraints. Rates of coordinates are quotients there whose parts vanish together: what y is off by, divided by these. */
+static int put_back(const Run *r, double t, double *y)
+{
+    double close[NX];
+    const int status = MODEL_project(r)(t, y, r->u, r->p, close);
+    int i;
+    for (i = 0; status == OK && i < NX; i++)
+        y[i] = close[i];
+    return status;
+}
+#endif
+
+/* Time derivative of the state; an enforcement by coordinates, and a step by a singular position, first put y on the constraints. */
 static int rates(Run *r, double t, double *y, double *k)
 {
-#if HAS_COORDINATES || HAS_INPUTS
+#if HAS_COORDINATES || HAS_INPUTS || (HAS_GUARDS && HAS_PROJECT)
     int status;
 #endif
 #if HAS_INPUTS
@@ -87,6 +103,10 @@ static int rates(Run *r, double t, double *y, double *k)
 #endif
 #if HAS_COORDINATES
     if (on_coordinates(r) && (status = on_chart(r, t, y)) != OK)
+        return status;
+#endif
+#if HAS_GUARDS && HAS_PROJECT
+    if (r->passing && (status = put_back(r, t, y)) != OK)
         return status;
 #endif
     r->s->calls++;

@@ -294,18 +294,29 @@ static void renewed(Run *r, double t, const double *z)
 
 #if HAS_PROJECT
 
-/* Put z back on the constraints; its slope k is computed again where that moved it. */
+#define OTHER_BRANCH 0.1 /* of the speed */
+
+/* Put z back on the constraints; its slope k is computed again where that moved it. A move is small, and so is what it changes rates of
+   coordinates by: where it is not, constraints depend on each other, and z came to another branch of the motion. */
 static int projected(Run *r, double t, double *z, double *k)
 {
-    double close[NX];
+    double close[NX], before[NQ], jump = 0.0, speed = 0.0;
     int i, moved = 0, status = MODEL_project(r)(t, z, r->u, r->p, close);
     if (status != OK)
         return status;
+    for (i = 0; i < NQ; i++)
+        before[i] = k[i];
     for (i = 0; i < NX; i++) {
         moved |= close[i] != z[i];
         z[i] = close[i];
     }
-    return moved ? slope(r, t, z, k) : OK;
+    if (!moved || (status = slope(r, t, z, k)) != OK)
+        return status;
+    for (i = 0; i < NQ; i++) {
+        jump = fmax(jump, fabs(k[i] - before[i]));
+        speed = fmax(speed, fabs(before[i]));
+    }
+    return jump > OTHER_BRANCH * speed ? SINGULAR_POSITION : OK;
 }
 #endif
 

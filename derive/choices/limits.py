@@ -15,6 +15,7 @@ EXPLICIT_MANY = 12  # with more quasi-velocities than this, not every combinatio
 
 # orthonormal
 MINORS = 3  # with more rows than this the cross product costs more than Gram–Schmidt
+ROWS = 12  # with more than this a projection by A Aᵀ, which stays sparse, costs less
 
 # pivots
 # the guard of a pivot that is quadratic in the rows of A: they may come within 1e-6 of each other

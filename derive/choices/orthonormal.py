@@ -16,14 +16,14 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import MINORS, SINGULAR
+from derive.choices.limits import MINORS, ROWS, SINGULAR
 from derive.choices.records import Frame, Guard
 from derive.choices.reduction import Reduction, symbols_for
 from derive.choices.redundancy import Independent
 from derive.expressions.scalars import Scalar, Vector
-from derive.joints.rotations import dot, is_zero
+from derive.joints.rotations import dot, is_zero, minus
 from derive.mechanics.records import System
-from derive.mechanics.solve import scalars
+from derive.mechanics.solve import ldl_solution, scalars
 from derive.states.closing import Kinematics
 from derive.states.sampling import States
 
@@ -52,7 +52,8 @@ def orthonormal(
         base = _frame(system, kept, sampled)
         frame = _movable(system, base) if moving and nc else None
         columns: list[Vector] = [[float(x) for x in column] for column in base.T]
-        basis = _gram_schmidt(A, columns if frame is None else _columns_of(frame, nv))
+        directions = columns if frame is None else _columns_of(frame, nv)
+        basis = _gram_schmidt(*([], _projected(A, directions)) if nc > ROWS else (A, directions))
     return _reduction(system, kept, A, rows.c, *basis, frame)
 
 
@@ -136,6 +137,34 @@ def _determinant(rows: list[Vector]) -> Scalar:
             for j, x in enumerate(rows[0])
         ],
     )
+
+
+def _projected(A: list[Vector], directions: Sequence[Vector]) -> list[Vector]:
+    """e − Aᵀ (A Aᵀ)⁻¹ A e for each direction e. A Aᵀ couples only rows that share a joint, so that
+    the work grows with the number of loops where these follow each other; rows made orthogonal one
+    after the other fill up."""
+    gram = [[dot(row, other) for other in A] for row in A]
+    along = [[dot(row, e) for row in A] for e in directions]
+    weights = ldl_solution(gram, along, _fewest_neighbours_first(gram)).x
+    return [
+        [minus(x, dot(y, column)) for x, column in zip(e, zip(*A))]
+        for e, y in zip(directions, weights)
+    ]
+
+
+def _fewest_neighbours_first(gram: list[Vector]) -> list[int]:
+    """An order of elimination with little fill: what is coupled with the fewest goes first."""
+    left = {
+        i: {j for j, x in enumerate(row) if j != i and not is_zero(x)} for i, row in enumerate(gram)
+    }
+    order: list[int] = []
+    while left:
+        first = min(left, key=lambda i: (len(left[i]), i))
+        beside = left.pop(first)
+        for i in beside:
+            left[i] = (left[i] | beside) - {first, i}
+        order.append(first)
+    return order
 
 
 def _gram_schmidt(A: list[Vector], frame: Sequence[Vector]) -> tuple[list[Vector], list[Scalar]]:

@@ -38,3 +38,4 @@ FEET = 8  # points from where a surface is looked for
 STEPS_TO_SURFACE = 60  # halves of the way to a double root: 1e-18 of it is left
 FLAT_SURFACE = 1e-6  # of the slope beside a surface: what is less on all of it is none
 STEPS_TO_FOOT = 6  # 64 digits of the way from the centre of a sphere to the surface below it
+LONG_SUM = 64  # terms of a position that are looked through for what is constant in it

@@ -18,13 +18,14 @@ from ._numpy_changes import (
     is_rescued,
     take_frame,
 )
-from ._numpy_guards import begin, looked, passed, remember
+from ._numpy_guards import begin, is_passing, looked, passed, remember
 from ._numpy_kinks import Landing, crossed, landing
 from ._numpy_motion import Failed, Motion
 from ._simulation import Status
 
 WITHOUT_COMPILER = ("projection", "none")  # enforcements
 LONGEST, SHORTEST = 5.0, 0.1  # factors between a step and the next
+HESITANT = 1.15  # one by a singular position: much shorter steps would end there
 
 
 @dataclass
@@ -191,6 +192,7 @@ class Trial:
     slope: Any = None
     guards: Any = None
     stops: bool = False
+    passes: bool = False  # by a singular position
     landing: Landing | None = None  # where forces are in pieces
 
 
@@ -212,10 +214,13 @@ def _try(motion: Motion, time: Any, h: Any) -> int:
     trial = Trial(time, h, bool(h >= left))
     if motion.facts.is_narrow and not trial.last:
         trial.h = (t + h) - t  # what time moves by: its last digit may be no small part of h
+    trial.passes = motion.passing = is_passing(motion, trial.h)
     try:
         _make(motion, trial)
     except Failed as failure:
+        motion.passing = False
         return _failed(motion, trial, failure)
+    motion.passing = False
     if not trial.error <= 1:
         return _reject(motion, trial, 0)
     return _accept(motion, trial)
@@ -276,7 +281,8 @@ def _failed(motion: Motion, trial: Trial, failure: Failed) -> int:
 def _reject(motion: Motion, trial: Trial, status: int) -> int:
     state, tableau = motion.state, motion.tableau
     factor = 4.0 if status else trial.error**tableau.grow / tableau.safety
-    state["next_step"] = trial.h / (factor if factor < LONGEST else LONGEST)
+    most = HESITANT if trial.passes else LONGEST
+    state["next_step"] = trial.h / (factor if factor < most else most)
     state["rejected"] += 1
     state["error"] = -abs(state["error"])
     return status

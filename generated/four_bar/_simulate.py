@@ -105,6 +105,7 @@ FACTS = Facts(
         whole=1e-9,
         least_step=16,
         independent=0.02,
+        carried=1e-6,
         nearly_based=0.9,
         tight=1e-07,
         series=0.0,

@@ -2,6 +2,20 @@
 
    No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
 
+#if HAS_CHOICES || FRAME
+/* Whether v is the same after a change of what w is measured along. */
+static int is_same(const double *v, const double *after)
+{
+    double most = 0.0, off = 0.0;
+    int i;
+    for (i = 0; i < VELOCITY_ROWS; i++) {
+        most = fmax(most, fabs(v[i]));
+        off = fmax(off, fabs(after[i] - v[i]));
+    }
+    return off <= SHARED(1e-6, 2.2e-3) * most;
+}
+#endif
+
 #if HAS_CHOICES
 static const struct Chart *here(const Run *r)
 {
@@ -21,7 +35,7 @@ static int deliver(const Run *r, const double *y, double *x, double *v)
 
 /* Goes on in chart `to`: the state is carried over exactly; its slope is made anew, as is what belongs to the old coordinates: what the
    guards remember and the error that the step control compares with. Changes nothing but the count of calls and returns 0 where that
-   fails. */
+   fails, or v would be another: where constraints depend on each other no chart holds it. */
 static int enter(Run *r, int to)
 {
     Simulation *const s = r->s, old;
@@ -30,11 +44,14 @@ static int enter(Run *r, int to)
     double seen[GUARDS];
     int crossed, i;
 #endif
+    double v[VELOCITY_ROWS], after[VELOCITY_ROWS];
     if (to == s->choice)
         return 0;
     old = *s;
-    ok = MODEL_transform(s->choice, to, s->t, old.x, r->u, r->p, s->x) == OK;
+    ok = here(r)->velocity(s->t, old.x, r->u, r->p, v) == OK;
+    ok = ok && MODEL_transform(s->choice, to, s->t, old.x, r->u, r->p, s->x) == OK;
     s->choice = to;
+    ok = ok && here(r)->velocity(s->t, s->x, r->u, r->p, after) == OK && is_same(v, after);
 #if HAS_GUARDS
     for (i = 0; i < GUARDS; i++)
         s->guard[i] = s->guard_size[i] = s->guard_rate[i] = 0.0;
@@ -71,52 +88,70 @@ static int rescued(Run *r)
 #endif
 
 #if HAS_GUARDS
-/* Whether the motion from y to z may be believed. A step over a singular position is made again in two other steps, cut in up to
-   three places, for one of these could come too close: on the right branch, where the motion is smooth, two ways agree within the
-   tolerance and velocities do not jump. Rates of coordinates have to agree, too, to ten times that and to 1e-7: small errors
-   of quasi-velocities are large ones of these where the choice is singular, and passages add up. */
+/* Whether state and slope that another way from `other` led to are z and its slope `next`, within the tolerance; rates of coordinates to ten times
+   that and to 1e-7: small errors of quasi-velocities are large ones of these where the choice is singular, and passages add up. */
+static int agrees(const Run *r, const double *again, const double *last, const double *other, const double *z, const double *next, double speed)
+{
+    double off[N], differ = 0.0;
+    int i;
+    for (i = 0; i < N; i++)
+        off[i] = again[i] - z[i];
+    for (i = 0; i < NQ; i++)
+        differ = fmax(differ, fabs(last[i] - next[i]));
+    return norm(r, off, other, z) <= 1.0 && differ <= fmin(10.0 * r->rtol, ROUNDED(1e-7)) * speed;
+}
+
+/* Whether the motion from y to z may be believed. Over a singular position other steps are made: on the right branch, where the motion
+   is smooth, two ways agree and velocities do not jump. The step is made again in two, cut in up to three places, for one of these could
+   come too close. Where stages are on the constraints, and little but rounding is left, up to five more, and last a step goes back
+   from z: the method is explicit, so that it retraces nothing. */
 static int passed(Run *r, const Method *method, double t, double h, double end, const double *y, const double *own, const double *z, const double *next, double *seen)
 {
-    static const double cuts[] = {0.37, 0.61, 0.23};
-    double middle[N], bend[N], again[N], last[N], error, differ, jump = 0.0, speed = 0.0;
-    int i, n, crossed, status = looked(r, end, h, z, seen, &crossed);
+    static const double cuts[] = {0.37, 0.61, 0.23, 0.5, 0.78, 0.44, 0.69, 0.3};
+    const void *const m = method->coefficients;
+    double middle[N], bend[N], again[N], last[N], error, jump = 0.0, speed = 0.0;
+    int i, crossed, believed = 0, status = looked(r, end, h, z, seen, &crossed);
+    size_t n, most = 3;
     if (status != OK || !crossed)
         return status;
     for (i = 0; i < NQ; i++) {
         jump = fmax(jump, fabs(next[i] - own[i]));
         speed = fmax(speed, fabs(own[i]));
     }
-    for (n = 0; n < 3 && jump <= 0.8 * speed; n++) {
+    if (jump > 0.8 * speed)
+        return SINGULAR_POSITION;
+#if HAS_PROJECT
+    most = r->passing ? sizeof cuts / sizeof *cuts : most;
+#endif
+    for (n = 0; n < most && !believed; n++) {
         const double cut = t + cuts[n] * h;
-        if (method->step(r, method->coefficients, t, cut - t, y, own, middle, bend, &error) != OK || settled(r, cut, middle, bend) != OK ||
-            method->step(r, method->coefficients, cut, end - cut, middle, bend, again, last, &error) != OK || settled(r, end, again, last) != OK)
-            continue;
-        for (i = 0; i < N; i++)
-            again[i] -= z[i];
-        differ = 0.0;
-        for (i = 0; i < NQ; i++)
-            differ = fmax(differ, fabs(last[i] - next[i]));
-        if (norm(r, again, y, z) <= 1.0 && differ <= fmin(10.0 * r->rtol, ROUNDED(1e-7)) * speed) {
-            r->s->crossings++;
-            return OK;
-        }
+        believed = method->step(r, m, t, cut - t, y, own, middle, bend, &error) == OK && settled(r, cut, middle, bend) == OK &&
+                   method->step(r, m, cut, end - cut, middle, bend, again, last, &error) == OK && settled(r, end, again, last) == OK &&
+                   agrees(r, again, last, y, z, next, speed);
     }
-    return SINGULAR_POSITION;
+    if (!believed && most > 3)
+        believed = method->step(r, m, end, t - end, z, next, again, last, &error) == OK &&
+                   settled(r, t, again, last) == OK && agrees(r, again, last, z, y, own, speed);
+    r->s->crossings += believed;
+    return believed ? OK : SINGULAR_POSITION;
 }
 #endif
 
 #if FRAME
-/* v at y in `moving`, between q and z, is the same along the frame in `fresh`: w' = N'^T v. */
+/* The state at y measured along the frame in `fresh`, w' = N'^T v; v, in `moving` between q and z, has to stay the same. */
 static int carried(const Run *r, const double *before, const double *fresh, double *y)
 {
-    double moving[NQ + VELOCITY_ROWS + NZ];
+    double moving[NQ + VELOCITY_ROWS + NZ], after[VELOCITY_ROWS];
     int i, status;
     for (i = 0; i < NQ; i++)
         moving[i] = y[i];
     for (i = 0; i < NZ; i++)
         moving[NQ + VELOCITY_ROWS + i] = y[NX - NZ + i];
     status = MODEL_velocity_framed(r->s->t, y, r->u, before, moving + NQ);
-    return status == OK ? MODEL_state_framed(r->s->t, moving, r->u, fresh, y) : status;
+    if (status != OK || (status = MODEL_state_framed(r->s->t, moving, r->u, fresh, y)) != OK ||
+        (status = MODEL_velocity_framed(r->s->t, y, r->u, fresh, after)) != OK)
+        return status;
+    return is_same(moving + NQ, after) ? OK : SINGULAR_POSITION;
 }
 
 /* Bases the frame anew where a direction of it has less than `bound` left on the allowed motions. A state that is measured along it goes
@@ -296,6 +331,18 @@ static int ready(Run *r, const Method *method, double span)
     return OK;
 }
 
+#if HAS_GUARDS && HAS_PROJECT
+/* Whether a guard would vanish within h if it went on as in the last step: an explicit step there has its stages on the constraints. */
+static int is_passing(const Run *r, const Method *method, double h)
+{
+    const Simulation *const s = r->s;
+    int i, passing = 0;
+    for (i = 0; i < GUARDS_HERE(r); i++)
+        passing |= s->guard_size[i] > 0.0 && fabs(s->guard[i]) + 1.2 * h * fmin(s->guard_rate[i], 0.0) < 0.0;
+    return passing && s->enforcement == PROJECTION && IS_EXPLICIT(method);
+}
+#endif
+
 /* One step towards a time, `left` away, of size h: accepted, or next_step becomes shorter. Returns why a step by equal
    steps failed; `failed` becomes the status of the last step that had to be made shorter. */
 static int advance(Run *r, const Method *method, double time, double left, double h, int *failed)
@@ -304,7 +351,7 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
     const int fixed = s->step_size > 0.0;
     const double t = s->t;
     int last = h >= left;
-    double end = last ? time : t + h, z[N], next[N], error, ratio;
+    double end = last ? time : t + h, z[N], next[N], error, ratio, most = 5.0; /* that a step may be made shorter by */
     int stops = 0, crossed = 0;
 #if KINKS
     Trial trial = {h, end, 0.0, 0.0, z, next, 0};
@@ -316,7 +363,11 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
 #else
     const double *const seen = NULL;
 #endif
-    int status = method->step(r, method->coefficients, t, h, s->x, s->slope, z, next, &error);
+    int status;
+#if HAS_GUARDS && HAS_PROJECT
+    r->passing = is_passing(r, method, h);
+#endif
+    status = method->step(r, method->coefficients, t, h, s->x, s->slope, z, next, &error);
 #if HAS_INPUTS
     if (r->inputs && r->refused)
         return NO_INPUT;
@@ -340,6 +391,12 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
     r->dense = dense;
     crossed = s->crossings > crossings;
 #endif
+#if HAS_GUARDS && HAS_PROJECT
+    if (status != OK || !(error <= 1.0)) { /* by rounding, where a stage came too close; much shorter steps would end there */
+        most = r->passing ? 1.15 : most;
+        r->passing = 0;
+    }
+#endif
 #if FRAME
     if (status != OK && rebased(r, NEARLY_BASED)) {
         s->rejected++;
@@ -357,7 +414,7 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
     *failed = status;
     if (status != OK || !(error <= 1.0)) { /* too long, or a place without a value on the way */
         ratio = status == OK ? pow(error, method->grow) / method->safety : 4.0;
-        s->next_step = h / (ratio < 5.0 ? ratio : 5.0);
+        s->next_step = h / fmin(ratio, most);
         s->rejected++;
         s->error = -fabs(s->error); /* the next step must not grow */
         return OK;
@@ -385,6 +442,9 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
             s->next_step = h / ratio;
         s->error = fmax(error, 1e-4);
     }
+#if HAS_GUARDS && HAS_PROJECT
+    r->passing = 0;
+#endif
     accept(r, stops ? end - t : h, end, z, next, seen);
 #if KINKS
     s->landed = stops ? 0 : trial.kink;

@@ -83,6 +83,9 @@ static int explicit_step(Run *r, const void *coefficients, double t, double h, c
     *error = *error * *error / hypot(*error, 0.1 * other);
     return OK;
 }
+#define IS_EXPLICIT(method) ((method)->step == explicit_step)
+#else
+#define IS_EXPLICIT(method) 0
 #endif
 
 #if ROSENBROCK_STAGES

@@ -11,6 +11,7 @@ import numpy as np
 from ._model_facts import Charts, Nullspace
 from ._numpy_guards import forget
 from ._numpy_motion import Failed, Motion
+from ._simulation import Status
 
 RESTART = 1e-4  # the error that the step control compares with where it begins anew
 
@@ -61,8 +62,10 @@ def _enter(motion: Motion, charts: Charts, to: int) -> bool:
         return False
     try:
         given = (state["t"], old["x"][:-1], motion.u, motion.p)
+        v = _velocity(motion, *given)
         state["x"][:-1] = charts.transform(motion.facts.numpy(), here, to, *given)
         state["choice"] = to
+        _check_same(motion, v, _velocity(motion, given[0], state["x"][:-1], *given[2:]))
         _begin_anew(motion, guarded=True)
     except (Failed, FloatingPointError):
         _restore(motion, old)
@@ -112,10 +115,26 @@ def _measured_along(motion: Motion, at: tuple[Any, ...], p: np.ndarray) -> np.nd
     facts, x = motion.facts, at[1]
     binding, charts = facts.numpy(), facts.charts
     suffix = charts.SUFFIXES[motion.chart] if charts else ""
-    v = getattr(binding, f"velocity{suffix}")(*at, p)
+    v = _velocity(motion, *at, p)
     state = getattr(binding, f"state{suffix}")
     moving = np.concatenate([x[: facts.nq], v, x[facts.nx - facts.nz :]])
-    return state(at[0], moving, motion.u, motion.p)
+    carried = state(at[0], moving, motion.u, motion.p)
+    _check_same(motion, v, _velocity(motion, at[0], carried, motion.u, motion.p))
+    return carried
+
+
+def _velocity(motion: Motion, *at: Any) -> np.ndarray:
+    """v of t, x, u and p in the chart of the motion."""
+    charts = motion.facts.charts
+    suffix = charts.SUFFIXES[motion.chart] if charts else ""
+    return getattr(motion.facts.numpy(), f"velocity{suffix}")(*at)
+
+
+def _check_same(motion: Motion, v: np.ndarray, after: np.ndarray) -> None:
+    """Raises Failed where a change of what w is measured along would make another v: where
+    constraints depend on each other no chart holds it."""
+    if not np.abs(after - v).max() <= motion.facts.limits.carried * np.abs(v).max():
+        raise Failed(Status.SINGULAR_POSITION)
 
 
 def independence(motion: Motion, nullspace: Nullspace) -> float:

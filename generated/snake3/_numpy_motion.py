@@ -17,6 +17,8 @@ from ._model_facts import Facts, Method
 from ._runge_kutta import Step, Tableau
 from ._simulation import Status
 
+OTHER_BRANCH = 0.1  # of the speed: more than a small move changes rates by on one branch
+
 
 class Failed(Exception):
     """A function gave a status that is not 0."""
@@ -43,6 +45,7 @@ class Motion:
     callback: Callback | None = None
     buffers: Buffers | None = None  # of events
     segment: int = 0
+    passing: bool = False  # by a singular position: stages are put on the constraints
 
     @property
     def chart(self) -> int:
@@ -81,6 +84,8 @@ class Motion:
 
     def slope(self, t: Any, y: np.ndarray) -> np.ndarray:
         """Time derivative of the state and of the work. Raises Failed."""
+        if self.passing:
+            y[:-1] = self.values("project", t, y)
         self.state["calls"] += 1
         slope, u = self.facts.array(self.facts.size), self.inputs(t, y)
         t = np.asarray(t, self.facts.real)
@@ -201,7 +206,9 @@ class Motion:
         close = self.values("project", t, z)
         if (close != z[:-1]).any():
             z[:-1] = close
-            slope = self.slope(t, z)
+            before, slope = slope[: facts.nq], self.slope(t, z)
+            if np.abs(slope[: facts.nq] - before).max() > OTHER_BRANCH * np.abs(before).max():
+                raise Failed(Status.SINGULAR_POSITION)
         return z, slope
 
     def landed(

@@ -52,6 +52,9 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
 #endif
     m->s.events = all->events ? all->events + row : NULL;
     m->run.p = all->p ? all->p + (ptrdiff_t)row * all->p_stride : NULL;
+#if HAS_GUARDS && HAS_PROJECT
+    m->run.passing = 0;
+#endif
     m->run.rtol = all->rtol;
     m->run.atol = all->atol;
     m->times = all->times + (ptrdiff_t)row * all->times_stride;
@@ -508,7 +511,8 @@ static inline void lanes_projected(Lanes *w)
 {
     double *const point = w->e, *const close = w->other;
     Bits active = bits(w->good), moved = active ^ active;
-    Vector before = (Vector){0.0} + INFINITY;
+    const Vector one = (Vector){0.0} + 1.0;
+    Vector before = (Vector){0.0} + INFINITY, jump = {0.0}, speed = {0.0};
     int i, n;
     memcpy(point, w->z, sizeof w->z);
     for (n = 0; n < PROJECT_MOST && any(active); n++) {
@@ -533,6 +537,11 @@ static inline void lanes_projected(Lanes *w)
         return;
     memcpy(w->z, point, NX * LANES * sizeof(double)); /* lanes that are not good are not looked at any more */
     slopes(w, w->end, w->z, 1, w->k[0]);
+    for (i = 0; i < NQ; i++) {
+        jump = larger(jump, size_of(vector(w->k[0] + i * LANES) - vector(w->next + i * LANES)));
+        speed = larger(speed, size_of(vector(w->next + i * LANES)));
+    }
+    store(w->bad, vector(w->bad) + either(moved & (Bits)(jump > OTHER_BRANCH * speed), one, one - one));
     for (i = 0; i < N; i++)
         store(w->next + i * LANES, either(moved, vector(w->k[0] + i * LANES), vector(w->next + i * LANES)));
     *(Bits *)w->calls += moved & 1;
@@ -566,6 +575,21 @@ static inline void lanes_looked(Lanes *w)
 #endif
     (void)w;
 }
+
+#if HAS_GUARDS && HAS_PROJECT
+/* Lanes that go by a singular position, as in is_passing: their steps are made by the loop of one motion. */
+static inline void lanes_passing(Lanes *w)
+{
+    const Vector one = (Vector){0.0} + 1.0, zero = one - one;
+    int i;
+    for (i = 0; i < GUARDS; i++) {
+        const Vector rate = vector(w->guard_rate + i * LANES);
+        const Vector before = size_of(vector(w->guard + i * LANES)) + 1.2 * vector(w->h) * (rate - larger(rate, zero));
+        const Bits passing = (Bits)(vector(w->guard_size + i * LANES) > 0.0) & (Bits)(before < 0.0);
+        store(w->bad, vector(w->bad) + either(passing, one, zero));
+    }
+}
+#endif
 
 /* The continuous output in all lanes, as runtime_dense.h makes it of one. */
 static inline void lanes_dense(const Tableau *m, Lanes *w)
@@ -859,6 +883,10 @@ static inline void lanes_settled(const Motions *all, const Method *method, Lanes
     int lane;
 #if KINKS
     lanes_kinked(w);
+#endif
+#if HAS_GUARDS && HAS_PROJECT
+    if (all->enforcement == PROJECTION)
+        lanes_passing(w);
 #endif
     memcpy(w->stray_now, w->bad, sizeof w->bad);
     *(Bits *)w->good = bits(w->busy) & (Bits)(vector(w->bad) == 0.0) & (Bits)(vector(w->now) <= 1.0);

@@ -13,6 +13,7 @@ from derive.joints.rotations import (
     matrix,
 )
 from derive.mechanics.frames import axes_in_plane, closure_frames
+from derive.mechanics.gaps import gap
 from derive.mechanics.links import placement
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
 from derive.mechanics.rows import block_of_positions
@@ -37,7 +38,8 @@ def meeting(scene: Scene, closure: Closure) -> Block:
     where = [scene.places[body] for body in closure.bodies]
     ground = [ground_point(w, p, scene.positions, scene.rotations) for w, p in zip(where, points)]
     names = [f"{closure.name}.{'xyz'[k]}" for k in axes]
-    phi = tuple(ca.SX(ground[1][k] - ground[0][k]) for k in axes)
+    way = gap(ground[0], ground[1], scene.symbols.p)
+    phi = tuple(ca.SX(way[k]) for k in axes)
     frames = dict.fromkeys((-1, where[0].link, where[1].link))
     ways = tuple(
         _closure_rows(scene, names, where, points, frame, own)

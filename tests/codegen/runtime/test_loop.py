@@ -27,7 +27,7 @@ from codegen.runtime.simulation import Simulation, Status, Stopped
 from codegen.targets import simulate
 
 LETTERS = {"int": "i", "long": "l", "double": ""}
-LIMITS = Limits(1e-6, 1e-4, 1e-7, 1e-9, 16, 0.02, 0.9, 1e-7, 0.0)
+LIMITS = Limits(1e-6, 1e-4, 1e-7, 1e-9, 16, 0.02, 1e-6, 0.9, 1e-7, 0.0)
 START, HALF = [1.0, 0.0], np.pi
 
 

@@ -512,7 +512,7 @@ static inline void lanes_projected(Lanes *w)
     double *const point = w->e, *const close = w->other;
     Bits active = bits(w->good), moved = active ^ active;
     const Vector one = (Vector){0.0} + 1.0;
-    Vector before = (Vector){0.0} + INFINITY, jump = {0.0}, speed = {0.0};
+    Vector before = (Vector){0.0} + INFINITY, jump = {0.0}, speed = {0.0}, move = {0.0};
     int i, n;
     memcpy(point, w->z, sizeof w->z);
     for (n = 0; n < PROJECT_MOST && any(active); n++) {
@@ -529,8 +529,10 @@ static inline void lanes_projected(Lanes *w)
         before = residual;
     }
     store(w->bad, vector(w->bad) + either(active, (Vector){0.0} + 1.0, (Vector){0.0})); /* not converged */
-    for (i = 0; i < NX; i++)
+    for (i = 0; i < NX; i++) {
         moved |= (Bits)(vector(point + i * LANES) != vector(w->z + i * LANES));
+        move = larger(move, size_of(vector(point + i * LANES) - vector(w->z + i * LANES)));
+    }
     moved &= bits(w->good);
     *(Bits *)w->moved = moved;
     if (!any(moved))
@@ -541,7 +543,7 @@ static inline void lanes_projected(Lanes *w)
         jump = larger(jump, size_of(vector(w->k[0] + i * LANES) - vector(w->next + i * LANES)));
         speed = larger(speed, size_of(vector(w->next + i * LANES)));
     }
-    store(w->bad, vector(w->bad) + either(moved & (Bits)(jump > OTHER_BRANCH * speed), one, one - one));
+    store(w->bad, vector(w->bad) + either(moved & (Bits)(jump > OTHER_BRANCH * speed) & (Bits)(jump > FAR_BEYOND * move), one, one - one));
     for (i = 0; i < N; i++)
         store(w->next + i * LANES, either(moved, vector(w->k[0] + i * LANES), vector(w->next + i * LANES)));
     *(Bits *)w->calls += moved & 1;

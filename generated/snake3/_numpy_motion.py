@@ -17,7 +17,9 @@ from ._model_facts import Facts, Method
 from ._runge_kutta import Step, Tableau
 from ._simulation import Status
 
-OTHER_BRANCH = 0.1  # of the speed: more than a small move changes rates by on one branch
+# rates of coordinates that change by more than this part of the speed, and by so many times what
+# the state was moved by
+OTHER_BRANCH, FAR_BEYOND = 0.1, 1e3
 
 
 class Failed(Exception):
@@ -205,9 +207,11 @@ class Motion:
             return z, slope
         close = self.values("project", t, z)
         if (close != z[:-1]).any():
+            move, before = np.abs(close - z[:-1]).max(), slope[: facts.nq]
             z[:-1] = close
-            before, slope = slope[: facts.nq], self.slope(t, z)
-            if np.abs(slope[: facts.nq] - before).max() > OTHER_BRANCH * np.abs(before).max():
+            slope = self.slope(t, z)
+            jump, speed = np.abs(slope[: facts.nq] - before).max(), np.abs(before).max()
+            if jump > OTHER_BRANCH * speed and jump > FAR_BEYOND * move:
                 raise Failed(Status.SINGULAR_POSITION)
         return z, slope
 

@@ -294,13 +294,15 @@ static void renewed(Run *r, double t, const double *z)
 
 #if HAS_PROJECT
 
-#define OTHER_BRANCH 0.1 /* of the speed */
+/* Rates of coordinates that change by more than this part of the speed, and by so many times what the state was moved by. */
+#define OTHER_BRANCH 0.1
+#define FAR_BEYOND 1e3
 
 /* Put z back on the constraints; its slope k is computed again where that moved it. A move is small, and so is what it changes rates of
    coordinates by: where it is not, constraints depend on each other, and z came to another branch of the motion. */
 static int projected(Run *r, double t, double *z, double *k)
 {
-    double close[NX], before[NQ], jump = 0.0, speed = 0.0;
+    double close[NX], before[NQ], jump = 0.0, speed = 0.0, move = 0.0;
     int i, moved = 0, status = MODEL_project(r)(t, z, r->u, r->p, close);
     if (status != OK)
         return status;
@@ -308,6 +310,7 @@ static int projected(Run *r, double t, double *z, double *k)
         before[i] = k[i];
     for (i = 0; i < NX; i++) {
         moved |= close[i] != z[i];
+        move = fmax(move, fabs(close[i] - z[i]));
         z[i] = close[i];
     }
     if (!moved || (status = slope(r, t, z, k)) != OK)
@@ -316,7 +319,7 @@ static int projected(Run *r, double t, double *z, double *k)
         jump = fmax(jump, fabs(k[i] - before[i]));
         speed = fmax(speed, fabs(before[i]));
     }
-    return jump > OTHER_BRANCH * speed ? SINGULAR_POSITION : OK;
+    return jump > OTHER_BRANCH * speed && jump > FAR_BEYOND * move ? SINGULAR_POSITION : OK;
 }
 #endif
 

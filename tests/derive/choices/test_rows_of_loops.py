@@ -29,7 +29,7 @@ from derive.model import load_text
 from derive.states import system
 from derive.states.initial import initial_state
 from hamel.build.module import temporary_module
-from tests.loops import four_bars
+from tests.loops import KITE, four_bars
 
 LOOPS, END = 12, 6.0
 FUNCTIONS = ("dynamics", "project", "constraints", "velocity", "state")
@@ -123,6 +123,19 @@ def test_lanes_and_numpy_go_the_same_way(row: System, module: Any, closed_form: 
     slow = simulate.run(simulate.advance, "numpy", (0.0, END), *given)
     assert slow.crossings == one.crossings
     assert off(module, slow.x[-1], closed_form) < 1e-5
+
+
+def test_what_hardly_moves_is_on_its_branch() -> None:
+    """Velocities of rounding, which a projection changes as it likes, are no jump."""
+    hanging = KITE.replace("q1: 70 deg, guess: {q2: -20 deg, q3: 80 deg}",
+                           "q1: -70 deg, guess: {q2: 20 deg, q3: -80 deg}")  # fmt: skip
+    mechanics = system(load_text(hanging.replace("gravity: [0, -9.81 m/s^2]", "gravity: [0, 0]")))
+    made = equations(mechanics, None, "augmented")
+    with temporary_module(made, ("dop853",), ("projection",), FUNCTIONS) as module:
+        x = np.asarray(module.state(0.0, initial_state(mechanics).whole))
+        x[3:] = [1e-14, -3e-14, 2e-14]  # on no constraint
+        found = module.simulate(np.linspace(0.0, 5.0, 6), x)
+        assert np.abs(found.x[-1, :3] - x[:3]).max() < 1e-12
 
 
 def test_a_projection_is_that_of_rows_made_orthogonal() -> None:

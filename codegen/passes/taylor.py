@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from codegen.passes.lanes import is_plain, side_by_side
 from codegen.passes.recurrences import Recurrences
 from codegen.passes.series import NoSeries, Series, Step, Term
 from codegen.program import Expression, Program
@@ -22,6 +23,7 @@ MOST_SLOTS = 1_200  # what a step keeps of them stands on the stack: at most hal
 SERIES = "taylor"  # the integrator
 FASTER = ((20, 1e-5), (40, 1e-11))  # products up to which series are faster, and from which rtol
 HIGHEST = 24  # order: what a tolerance near rounding asks for
+SMOOTH = frozenset({"add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos"})  # in vectors of lanes
 
 
 def suffixes(program: Program) -> tuple[str, ...]:
@@ -54,6 +56,16 @@ def series(program: Program, suffix: str = "") -> Series:
 def in_pieces(program: Program) -> bool:
     """Is any of the series not analytic everywhere?"""
     return any(series(program, suffix).in_pieces for suffix in suffixes(program))
+
+
+def series_in_lanes(program: Program) -> bool:
+    """Do several motions go along their series side by side? Where they can by other methods, and
+    all is smooth: a comparison says something else in each lane."""
+    if not side_by_side(program) or program.has("kinks"):
+        return False
+    made = series(program)
+    values = [*(s.value for s in made.start), *(guard.value for guard in made.guards)]
+    return not made.in_pieces and all(is_plain(value, SMOOTH) for value in values)
 
 
 def series_refusal(program: Program) -> str:

@@ -15,7 +15,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from codegen import compiler, loader
-from codegen.integrators import INTEGRATORS, Tableau
+from codegen.integrators import INTEGRATORS, Tableau, Taylor
 from codegen.passes import program
 from codegen.runtime.inputs import Table, pieces, sample_times, source
 from derive.formulations.derivatives import derivatives
@@ -119,7 +119,9 @@ def test_every_way_gives_the_same(cart: ModuleType, way: str, kind: str) -> None
     np.testing.assert_array_equal(other.u, first.u)
 
 
-@pytest.mark.parametrize("integrator", [x.name for x in INTEGRATORS if isinstance(x, Tableau)])
+@pytest.mark.parametrize(
+    "integrator", [x.name for x in INTEGRATORS if isinstance(x, (Tableau, Taylor))]
+)
 def test_lanes_take_tables_shared_and_of_each(cart: ModuleType, integrator: str) -> None:
     how = {"step_size": 0.01} if integrator == "rk4" else {}
     how |= {"integrator": integrator, "times": [0.4, 2.0]}

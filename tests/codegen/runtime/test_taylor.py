@@ -12,6 +12,7 @@ import pytest
 
 from codegen import compiler, loader
 from codegen.passes import program
+from codegen.passes.taylor import series_in_lanes
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.model import load_text
@@ -36,6 +37,13 @@ coordinates: {x: m}
 kinetic: 1 kg*der(x)^2/2
 forces: {x: "-4 N/m*x - 0.3 N*s^2/m^2*der(x)*abs(der(x))"}
 initial: {x: 1 m, der(x): 0 m/s}
+"""
+PHASES = """model: phases
+coordinates: {x: m, y: m}
+parameters: {a: 0 rad, om: 5 rad/s}
+kinetic: 1 kg*(der(x)^2 + der(y)^2)/2
+forces: {x: "-4 N/m*x + 1 N*sin(om*t + a)", y: "-3 N/m*y - 1 N/m^3*y*x^2 - 0.1 N*s/m*der(y)"}
+initial: {x: 0.1 m, y: 0.4 m, der(x): 0 m/s, der(y): 1 m/s}
 """
 HANGING = """model: hanging
 plane: xy
@@ -165,6 +173,38 @@ def test_the_end_of_a_piece_is_seen(tmp_path: Path) -> None:
     other = made.simulate((0.0, 5.0), x, u, p, integrator="dop853", **how)
     np.testing.assert_allclose(one.x[-1], other.x[-1], atol=1e-8)
     assert one.rejected > 0
+
+
+def test_lanes_leave_what_is_not_plain_to_the_loop_of_one(tmp_path: Path) -> None:
+    """Every third motion has the sine of an angle that lanes do not take."""
+    e = equations_of_text(PHASES)
+    made = module(e, tmp_path)
+    p = np.array([[1e17 if k % 3 == 0 else 0.1 * k, 5.0 + 0.1 * k] for k in range(21)])
+    alike_in_lanes(e, made, p, "x")
+    alike_in_lanes(e, made, p, "work", step_size=0.05)
+
+
+def alike_in_lanes(e: Equations, made: ModuleType, p: np.ndarray, what: str, **how: float) -> None:
+    """Rows and counts are those of one motion at a time."""
+    assert series_in_lanes(program(e))
+    x = start(e)[0]
+    many = made.simulate((0.1, 4.0), x, None, p, integrator="taylor", **how)
+    ones = [made.simulate((0.1, 4.0), x, None, row, integrator="taylor", **how) for row in p]
+    wanted = [getattr(one, what) for one in ones]
+    np.testing.assert_allclose(getattr(many, what), wanted, rtol=1e-12, atol=1e-13)
+    assert [*many.steps] == [one.steps for one in ones]
+    assert [*many.calls] == [one.calls for one in ones]
+
+
+def test_pieces_go_one_by_one(tmp_path: Path) -> None:
+    """Behind the same call, to the bit."""
+    e = equations_of_text(KINK)
+    assert not series_in_lanes(program(e))
+    made = module(e, tmp_path)
+    x = start(e)[0] + np.linspace(-0.5, 0.5, 11)[:, np.newaxis]
+    many = made.simulate((0.0, 3.0), x, integrator="taylor")
+    ones = [made.simulate((0.0, 3.0), row, integrator="taylor").x for row in x]
+    np.testing.assert_array_equal(many.x, ones)
 
 
 def test_not_finite_and_short_budgets_have_their_status(

@@ -557,7 +557,8 @@ static inline void lanes_inputs_along(const Lanes *w, double *rates)
 static inline Vector lanes_longest(const Motions *all, const Lanes *w, int order)
 {
     const Bits first = ~bits(w->begun);
-    Vector weight[N], least = (Vector){0.0} + 600.0;
+    const Vector most = (Vector){0.0} + 600.0;
+    Vector weight[N], least = most;
     int n = any(first & bits(w->busy)) ? order / 2 : order - 3, i;
     for (i = 0; i < MOVING; i++) {
         Vector extent = size_of(vector(w->y + i * LANES));
@@ -576,6 +577,7 @@ static inline Vector lanes_longest(const Motions *all, const Lanes *w, int order
             size += scaled * scaled;
         }
         log = (2.0 * (double)(order - n) - 2.7 - 0.34657359027997264 * quick_log2(size / (double)N)) / (double)n; /* ln(2) / 2 */
+        log = either((Bits)(size < INFINITY), log, -most); /* where squares overflow a step is nothing */
         least = either((first | late) & (Bits)(size > 0.0) & (Bits)(log < least), log, least);
     }
     return quick_exp2(1.4426950408889634 * least);

@@ -163,9 +163,33 @@ def test_each_has_its_own_status(modules: dict[str, ModuleType], integrator: str
     with pytest.warns(RuntimeWarning, match="2 of 5 motions ended early"):
         found = module.simulate(ends, x, integrator=integrator)
     assert (found.status != 0).tolist() == [False, True, False, False, True]
+    for k in (1, 4):
+        with pytest.raises(module.Stopped) as stopped:
+            module.simulate(ends[k], x[k], integrator=integrator)
+        assert found.status[k] == stopped.value.partial.status
     with pytest.warns(RuntimeWarning, match="too many steps"):
         few = module.simulate((0.0, 5.0), x, max_steps=3, integrator=integrator)
     assert (few.status == module.Status.MORE).all() and (few.steps + few.rejected == 3).all()
+
+
+@pytest.mark.parametrize("integrator", ["dop853", SERIES])
+def test_events_between_rejected_steps_are_found(
+    modules: dict[str, ModuleType], integrator: str
+) -> None:
+    """On the way to the wall, which no step may come too close to."""
+    module, times = modules["circle"], 9.0 - 10.0 ** -np.arange(1.0, 6.0)
+    events = {f"e{k}": _passes(t) for k, t in enumerate(times)}
+    x = np.tile([1.0, 0.0], (11, 1))
+    with pytest.warns(RuntimeWarning, match="11 of 11 motions ended early"):
+        found = module.simulate((0.0, 20.0), x, None, [1.0], events=events, integrator=integrator)
+    assert found.rejected.min() > 1
+    for k, t in enumerate(times):
+        met = found.events.of(f"e{k}").t
+        np.testing.assert_allclose(met[np.abs(met - t) < 1.0], np.full(11, t), atol=1e-7)
+
+
+def _passes(angle: float) -> Any:
+    return lambda t, x: np.cos(angle) * x[1] - np.sin(angle) * x[0]
 
 
 def test_bad_arguments(modules: dict[str, ModuleType]) -> None:

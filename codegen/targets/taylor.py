@@ -174,7 +174,7 @@ def _start(style: _Style, statements: Sequence[Statement]) -> Iterator[str]:
 
 def _names(value: Expression) -> set[str]:
     if isinstance(value, tuple):
-        return set().union(*(_names(operand) for operand in value[1:]))
+        return {name for operand in value[1:] for name in _names(operand)}
     return {value} if isinstance(value, str) else set()
 
 

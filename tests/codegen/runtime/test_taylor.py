@@ -251,10 +251,11 @@ def test_coefficients_in_lanes_are_those_of_one(tmp_path: Path) -> None:
     room, stray = np.zeros(24 * 40 * lanes), np.zeros(lanes)
     many, one = np.zeros((order + 1, 3, lanes)), np.zeros((order + 1, 3))
     given = [aligned(value) for value in (t, x, u, p)]
-    made = many, room, stray = aligned(many), aligned(room), stray
+    many, room = made = aligned(many), aligned(room)
     library.circle_taylor_lanes(
-        *map(address, given[:3]), None, address(given[3]), None, order, *map(address, made)
-    )
+        *map(address, given[:3]), None, address(given[3]), None, order, *map(address, made),
+        address(stray),
+    )  # fmt: skip
     for k in range(lanes):
         own = [v[..., k].copy() for v in (x, u, p)]
         at_x, at_u, at_p = map(address, own)

@@ -10,7 +10,7 @@ from codegen import text
 from codegen.passes.names import RESERVED, Names
 from codegen.passes.recurrences import TAKEN
 from codegen.passes.series import Series, Term
-from codegen.passes.taylor import HIGHEST, SERIES, series, series_in_lanes, suffixes
+from codegen.passes.taylor import HIGHEST, SERIES, names_in, series, series_in_lanes, suffixes
 from codegen.program import Expression, Program, Statement
 from codegen.targets.records import Target
 
@@ -39,6 +39,8 @@ class Body:
     reads: tuple[str, ...]  # arguments that are rows
     time: bool
     roots: bool
+    sides: tuple[tuple[int, int], ...]  # rows of both series of a slot of lanes, an even number
+    rows: int  # of series
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class _Style:
     zero: str
     turn: tuple[str, ...]  # lines for a sine and a cosine
     language: text.Language
-    line: int  # values that a row of slots is filled up to
+    shared: bool  # is a series that several slots take kept once? Vectors need not lie in a row
 
 
 def files(program: Program) -> dict[str, str]:
@@ -91,7 +93,7 @@ def _one(program: Program) -> _Style:
             "    {sin} = sin({angle}), {cos} = cos({angle});",
         ),
         language=text.C,
-        line=WIDEST * 8 // program.real.bits,
+        shared=False,
     )
 
 
@@ -105,7 +107,7 @@ def _many(program: Program) -> _Style:
             f"far |= {program.name}_turns({{angle}}, &{{sin}}, &{{cos}});",
         ),
         language=replace(text.C, calls={**text.C.calls, "sqrt": "roots({})"}),
-        line=1,
+        shared=True,
     )
 
 
@@ -118,8 +120,9 @@ def _body(program: Program, suffix: str, style: _Style) -> Body:
     ]
     start = list(_start(style, coefficients.start))
     used = {load.argument for load in coefficients.loads}
-    line = style.line
+    line = WIDEST * 8 // program.real.bits
     lines = max(1, -(-len(coefficients.slots) // line))
+    order = _Order(coefficients, style)
     return Body(
         suffix=suffix,
         about=f"{len(coefficients.slots)} products",
@@ -134,13 +137,15 @@ def _body(program: Program, suffix: str, style: _Style) -> Body:
             for g in coefficients.guards
         ),
         first=tuple(_first(coefficients, style)),
-        step=tuple(_Order(coefficients, style).lines()),
+        step=tuple(order.lines()),
         unused=tuple(name for name in "tupc" if name not in used),
         inputs=len(program.argument("u").names) if coefficients.inputs else 0,
         rates=len(coefficients.rates),
         reads=tuple(name for name in "upc" if name in used),
         time="t" in used,
         roots=any("roots(" in line for line in start),
+        sides=tuple([*order.sides, *order.sides[-1:]][: len(order.sides) + len(order.sides) % 2]),
+        rows=max(1, len(order.rows)),
     )
 
 
@@ -165,22 +170,16 @@ def _start(style: _Style, statements: Sequence[Statement]) -> Iterator[str]:
             yield from (line.format(angle=angle, sin=sin, cos=cos) for line in style.turn)
             k += 2
         else:
-            same = _names(statement.value) <= numbers
+            same = names_in(statement.value) <= numbers
             numbers |= {statement.name} if same else set()
             value = _value(statement.value, style.language)
             yield f"const {'double' if same else style.real} {statement.name} = {value};"
             k += 1
 
 
-def _names(value: Expression) -> set[str]:
-    if isinstance(value, tuple):
-        return {name for operand in value[1:] for name in _names(operand)}
-    return {value} if isinstance(value, str) else set()
-
-
 def _first(made: Series, style: _Style) -> Iterator[str]:
     """Order 0."""
-    for k, slot in enumerate(made.slots):
+    for k, slot in enumerate(() if style.shared else made.slots):
         left = style.zero if slot.weighted else slot.left
         yield f"L[{k}] = {left}, R[{k}] = {slot.right};"
     for i, (rate, _) in enumerate(made.rates):
@@ -197,7 +196,12 @@ class _Order:
         taken = {*(load.name for load in made.loads), *(s.name for s in made.start)}
         self._free = Names([*RESERVED, *TAKEN, *taken])
         self._names: dict[str, str] = {}
-        self.stores = self._stores()
+        # of the series that slots take, and whether times n
+        self.rows: dict[tuple[str, bool], int] = {}
+        self.sides = [
+            (self._row(slot.left, slot.weighted), self._row(slot.right)) for slot in made.slots
+        ]
+        self.stores = self._shared_stores() if style.shared else self._stores()
         self.ready: dict[str | int, int] = {}  # cycles after which a coefficient is there
 
     def lines(self) -> Iterator[str]:
@@ -236,6 +240,17 @@ class _Order:
             weight = "order_n * " if slot.weighted else ""
             stores.setdefault(left, []).append(f"l[{k}] = {weight}{self._name(left)};")
             stores.setdefault(right, []).append(f"r[{k}] = {self._name(right)};")
+        return stores
+
+    def _row(self, name: str, weighted: bool = False) -> int:
+        return self.rows.setdefault((self.made.coefficient(name), weighted), len(self.rows))
+
+    def _shared_stores(self) -> dict[str, list[str]]:
+        """Where coefficients go if each is kept once."""
+        stores: dict[str, list[str]] = {}
+        for (name, weighted), k in self.rows.items():
+            weight = "order_n * " if weighted else ""
+            stores.setdefault(name, []).append(f"newest[{k}] = {weight}{self._name(name)};")
         return stores
 
     def _sums(self) -> Iterator[str]:

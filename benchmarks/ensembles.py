@@ -1,6 +1,6 @@
 """make whole, third part: thousands of motions at a time, each to three errors at its end, beside
-heyoka's batch mode, our own scalar loop, diffrax, SciPy and MuJoCo; what threads and the estimate of
-the error cost. Into build/whole.json.
+heyoka's batch mode, our own Taylor series, our own scalar loop, diffrax, SciPy and MuJoCo; what
+threads and the estimate of the error cost. Into build/whole.json.
 
     python benchmarks/ensembles.py [MODEL …]
 
@@ -33,6 +33,7 @@ from hamel.simulate.exact import Problem, solution
 MANY, CHECKED, TRIED = 4096, 3, 256  # motions; those compared with many digits; for the settings
 ROUNDS = 5
 INTEGRATORS = ("dop853", "verner9")
+SERIES = ("taylor",)
 LANES, SCALAR = "heyoka, batch mode", "our scalar loop"
 PYTHON = 1e-8  # the error at which peers from Python are compared
 
@@ -69,7 +70,7 @@ class Place:
             choice=self.site.equations.choice,
             out=folder,
             constants="all",
-            integrators=INTEGRATORS,
+            integrators=(*INTEGRATORS, *SERIES),
         )
         self.folder: Path = built.folder
         self.module: ModuleType = hamel.load(built.folder)
@@ -103,10 +104,10 @@ class Place:
     def error(self, ends: np.ndarray) -> float:
         return float(np.max(np.abs(ends[:CHECKED] - self.ends) / self.site.scales))
 
-    def ours(self, **more: Any) -> Iterator[Ensemble]:
-        """By each integrator and enforcement of the module."""
+    def ours(self, integrators: Sequence[str] = INTEGRATORS, /, **more: Any) -> Iterator[Ensemble]:
+        """By each of the integrators and enforcement of the module."""
         span, u = self.site.scene.span, self.site.u
-        for integrator in INTEGRATORS:
+        for integrator in integrators:
             for enforcement in self.module.enforcements or (None,):
 
                 def run(
@@ -205,7 +206,8 @@ Row = dict[str, Any]
 def rows(many: Many) -> Iterator[Row]:
     place = Place(many)
     own = [tuned(each, place) for each in place.ours()]
-    peers = {key: tuned(each, place) for key, each in place.heyoka()}
+    series_of_ours = ((f"our {each.peer}", each) for each in place.ours(SERIES))
+    peers = {key: tuned(each, place) for key, each in (*place.heyoka(), *series_of_ours)}
     for k, most in enumerate(ERRORS):
         mine = fastest(own, most)
         if mine is None:
@@ -214,7 +216,8 @@ def rows(many: Many) -> Iterator[Row]:
         times = in_turn([(each, MANY) for each in (mine, *beside.values())], place)
         for (key, each), seconds in zip(beside.items(), times[1:]):
             target = many.targets.get(key, (None,) * len(ERRORS))[k]
-            yield _row(many, most, each.ensemble.peer, (mine, times[0]), seconds, target)
+            peer = key if key.startswith("our ") else each.ensemble.peer
+            yield _row(many, most, peer, (mine, times[0]), seconds, target)
     mine = fastest(own, PYTHON)
     if mine is not None:
         yield from _scalar(many, place, mine)

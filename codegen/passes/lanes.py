@@ -78,13 +78,13 @@ def _is_straight(kernel: Kernel) -> bool:
     if kernel.rolled:
         bodies = (body for visit in kernel.rolled.visits for body in values_of(visit))
         short = kernel.rolled.workspace + kernel.size <= MOST_ROLLED
-        return short and all(_is_plain(value, PLAIN - {"sin", "cos"}) for value in bodies)
+        return short and all(is_plain(value, PLAIN - {"sin", "cos"}) for value in bodies)
     values = [s.value for section in kernel.sections for s in section.statements]
     values += [*kernel.outputs, *(guard.value for guard in kernel.guards)]
     size = len(kernel.x.names) + len(values)
     plain = PLAIN if kernel.name in BATCHED else PLAIN | LARGEST
     most = LONGEST if kernel.name in BATCHED[1:] else WIDEST
-    return size <= most and all(_is_plain(value, plain) for value in values)
+    return size <= most and all(is_plain(value, plain) for value in values)
 
 
 def values_of(visit: Visit) -> list[Expression]:
@@ -94,7 +94,8 @@ def values_of(visit: Visit) -> list[Expression]:
     return values + ([] if visit.result is None else [visit.result])
 
 
-def _is_plain(value: Expression, plain: frozenset[str]) -> bool:
+def is_plain(value: Expression, plain: frozenset[str]) -> bool:
+    """Is it made of these operations alone?"""
     if not isinstance(value, tuple):
         return True
-    return value[0] in plain and all(_is_plain(operand, plain) for operand in value[1:])
+    return value[0] in plain and all(is_plain(operand, plain) for operand in value[1:])

@@ -17,7 +17,8 @@ FLAT = PIECES - {"fabs", "fmin", "fmax", "copysign", "fmod", "where"}  # constan
 # What the code around the recurrences is called.
 TAKEN = [
     *("L", "R", "S", "l", "r", "n", "i", "order", "order_n", "part", "next", "now", "x_next"),
-    *("sums", "late", "early", "rates_of_u", "given", "INPUTS"),
+    *("sums", "late", "early", "rates_of_u", "given", "INPUTS", "ZERO", "room", "lane", "far"),
+    *("history", "newest"),
 ]
 _PARTNERS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 _MOST_MULTIPLIED = 64  # whole powers up to this are products

@@ -12,16 +12,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
+from codegen.passes.lanes import is_plain, side_by_side
 from codegen.passes.recurrences import Recurrences
 from codegen.passes.series import NoSeries, Series, Step, Term
-from codegen.program import Expression, Program
+from codegen.program import Expression, Program, Statement
 from derive.diagnostics import AssumptionError
 
 MOST_SLOTS = 1_200  # what a step keeps of them stands on the stack: at most half a megabyte
 SERIES = "taylor"  # the integrator
 FASTER = ((20, 1e-5), (40, 1e-11))  # products up to which series are faster, and from which rtol
 HIGHEST = 24  # order: what a tolerance near rounding asks for
+SMOOTH = frozenset({"add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos"})  # in vectors of lanes
 
 
 def suffixes(program: Program) -> tuple[str, ...]:
@@ -54,6 +57,16 @@ def series(program: Program, suffix: str = "") -> Series:
 def in_pieces(program: Program) -> bool:
     """Is any of the series not analytic everywhere?"""
     return any(series(program, suffix).in_pieces for suffix in suffixes(program))
+
+
+def series_in_lanes(program: Program) -> bool:
+    """Do several motions go along their series side by side? Where they can by other methods, and
+    all is smooth: a comparison says something else in each lane."""
+    if not side_by_side(program) or program.has("kinks"):
+        return False
+    made = series(program)
+    values = [*(s.value for s in made.start), *(guard.value for guard in made.guards)]
+    return not made.in_pieces and all(is_plain(value, SMOOTH) for value in values)
 
 
 def series_refusal(program: Program) -> str:
@@ -95,10 +108,11 @@ def _series(tape: Recurrences, rates: Sequence[Expression]) -> Series:
         for name in ("x", "u")
     )
     time = next((load.name for load in tape.loads.values() if load.argument == "t"), "")
+    _leave_out_dead(tape, rates)
     steps = _Flattening(tape, rates).steps()
     return Series(
         loads=tuple(tape.loads.values()),
-        start=tuple(tape.start),
+        start=_asked_for(tape, rates, steps),
         guards=tuple(tape.guards),
         steps=steps,
         slots=tuple(tape.slots),
@@ -109,6 +123,55 @@ def _series(tape: Recurrences, rates: Sequence[Expression]) -> Series:
         rates=tuple((rate, tape.coefficient(rate)) for rate in rates),
         in_pieces=tape.in_pieces,
     )
+
+
+def _leave_out_dead(tape: Recurrences, rates: Sequence[Expression]) -> None:
+    """Steps and slots that no rate depends on go."""
+    steps, slots = {step.name: step for step in tape.steps}, list(tape.slots)
+    alive: set[str] = set()
+    todo = [tape.coefficient(rate) for rate in rates]
+    while todo:
+        name = todo.pop()
+        if not isinstance(name, str) or name in alive:
+            continue
+        alive.add(name)
+        for term in steps[name].terms if name in steps else ():
+            of = slots[term.of] if isinstance(term.of, int) else term.of
+            sides = [of] if isinstance(of, str) else [*map(tape.coefficient, (of.left, of.right))]
+            todo += sides
+    kept = [step for step in tape.steps if step.name in alive]
+    used = sorted({term.of for step in kept for term in step.terms if isinstance(term.of, int)})
+    places: dict[str | int, int] = {old: new for new, old in enumerate(used)}
+    tape.slots = {slots[old]: new for new, old in enumerate(used)}
+    tape.steps = [
+        replace(step, terms=tuple(replace(t, of=places.get(t.of, t.of)) for t in step.terms))
+        for step in kept
+    ]
+
+
+def _asked_for(
+    tape: Recurrences, rates: Sequence[Expression], steps: Sequence[Step]
+) -> tuple[Statement, ...]:
+    """Values at the start that something takes; a sine stays beside its cosine."""
+    values: list[Expression] = [*rates, *(guard.value for guard in tape.guards)]
+    values += [term.factor for step in steps for term in step.terms]
+    values += [step.condition for step in steps if step.condition is not None]
+    values += [side for slot in tape.slots for side in (slot.left, slot.right)]
+    wanted = {name for value in values for name in names_in(value)}
+    start: list[Statement] = []
+    for statement in reversed(tape.start):
+        turn = isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos")
+        if turn or statement.name in wanted:
+            start.append(statement)
+            wanted |= names_in(statement.value)
+    return tuple(reversed(start))
+
+
+def names_in(value: Expression) -> set[str]:
+    """The locals of an expression."""
+    if isinstance(value, tuple):
+        return {name for operand in value[1:] for name in names_in(operand)}
+    return {value} if isinstance(value, str) else set()
 
 
 class _Flattening:

@@ -222,6 +222,12 @@ static double next_size(const Simulation *s, double left)
     return h >= all ? left : h > 0.5 * all ? 0.5 * left : h; /* two equal steps instead of a long and a short one */
 }
 
+/* Is a step of size h one that time, which ends at `final`, hardly moves by? */
+static inline int too_short(const Simulation *s, double h, double left, double final)
+{
+    return h < left && h < fmax(SHARED(16.0, 2.0) * DBL_EPSILON * fabs(s->t), 1e-30 * fabs(final));
+}
+
 /* How much shorter the next step has to be, from the error of this one (Gustafsson's proportional-integral control). */
 static double shrinkage(const Simulation *s, double error, const Method *method)
 {

@@ -9,9 +9,9 @@
 /* The order that costs least at this tolerance. Where the cost of a step grows with the square of its order that is 1 - ln(rtol) / 2, where
    it grows with the order, 1 - ln(rtol) (A. Jorba, M. Zou: A software package for the numerical integration of ODEs by means of
    high-order Taylor methods, Exp. Math. 14, 2005). With sums side by side it is between these (measured). */
-static int order_of(const Run *r)
+static int order_of(double rtol)
 {
-    const double order = ceil(1.0 - 0.7 * log(r->rtol));
+    const double order = ceil(1.0 - 0.7 * log(rtol));
     return order < 2.0 ? 2 : order < HIGHEST_ORDER ? (int)order : HIGHEST_ORDER;
 }
 
@@ -80,7 +80,7 @@ static int expand(Run *r)
     int status;
     if (s->expanded)
         return OK;
-    s->series_order = order_of(r);
+    s->series_order = order_of(r->rtol);
     s->series_t = s->t;
     if ((status = expanded(r, s->t, s->x, s->series_order, s->series)) != OK)
         return status;

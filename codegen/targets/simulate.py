@@ -27,7 +27,7 @@ from codegen.integrators import (
 )
 from codegen.integrators.records import centred, collocated
 from codegen.passes.lanes import WATCHED, does_work, has_rates, has_slope, side_by_side
-from codegen.passes.taylor import HIGHEST, faster_from, in_pieces
+from codegen.passes.taylor import HIGHEST, faster_from, in_pieces, series_in_lanes
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
@@ -282,6 +282,7 @@ def _flags(
         "HAS_LANES_RATES": int(has_rates(program)),
         "HAS_LANES_SLOPE": int(has_slope(program)),
         "HAS_LANES_EVENTS": int(any(k.name == WATCHED for k in side_by_side(program))),
+        "HAS_LANES_TAYLOR": int(bool(_highest(chosen)) and series_in_lanes(program)),
         "HAS_ROWS": int(has["rows"]),
         "FRAME": program.frame,
         "HAS_MIDPOINT": int(any(isinstance(x, Midpoint) for x in chosen)),

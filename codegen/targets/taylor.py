@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from codegen import text
 from codegen.passes.names import RESERVED, Names
 from codegen.passes.recurrences import TAKEN
 from codegen.passes.series import Series, Term
-from codegen.passes.taylor import HIGHEST, SERIES, series, suffixes
+from codegen.passes.taylor import HIGHEST, SERIES, names_in, series, series_in_lanes, suffixes
 from codegen.program import Expression, Program, Statement
 from codegen.targets.records import Target
 
@@ -36,13 +36,32 @@ class Body:
     unused: tuple[str, ...]
     inputs: int
     rates: int
+    reads: tuple[str, ...]  # arguments that are rows
+    time: bool
+    roots: bool
+    sides: tuple[tuple[int, int], ...]  # rows of both series of a slot of lanes, an even number
+    rows: int  # of series
+
+
+@dataclass(frozen=True)
+class _Style:
+    """Numbers of one motion, or vectors of several motions side by side."""
+
+    real: str  # what a value is
+    number: str  # how a number becomes one
+    zero: str
+    turn: tuple[str, ...]  # lines for a sine and a cosine
+    language: text.Language
+    shared: bool  # is a series that several slots take kept once? Vectors need not lie in a row
 
 
 def files(program: Program) -> dict[str, str]:
-    """NAME_taylor.h, and a NAME_taylor.c of each chart."""
+    """NAME_taylor.h, a NAME_taylor.c of each chart, and NAME_taylor_lanes.c."""
     if SERIES not in program.integrators or not program.simulates:
         return {}
-    bodies = [_body(program, suffix) for suffix in suffixes(program)]
+    one, many = _one(program), _many(program)
+    bodies = [_body(program, suffix, one) for suffix in suffixes(program)]
+    lanes = [_body(program, "", many)] if series_in_lanes(program) else []
     data: dict[str, Any] = {
         "program": program,
         "prefix": program.name,
@@ -50,26 +69,60 @@ def files(program: Program) -> dict[str, str]:
     }
     return {
         f"{program.name}_taylor.h": text.render(
-            "taylor.h.j2", bodies=bodies, highest=HIGHEST, **data
+            "taylor.h.j2", bodies=bodies, lanes=lanes, highest=HIGHEST, **data
         ),
         **{
             f"{program.name}_taylor{body.suffix}.c": text.render("taylor.c.j2", body=body, **data)
             for body in bodies
         },
+        **{
+            f"{program.name}_taylor_lanes.c": text.render("taylor_lanes.c.j2", body=body, **data)
+            for body in lanes
+        },
     }
 
 
-def _body(program: Program, suffix: str) -> Body:
+def _one(program: Program) -> _Style:
+    return _Style(
+        real="double",
+        number="{}",
+        zero="0.0",
+        turn=(
+            "double {sin}, {cos};",
+            f"if ({program.name}_sincos({{angle}}, &{{sin}}, &{{cos}}) != 0.0)",
+            "    {sin} = sin({angle}), {cos} = cos({angle});",
+        ),
+        language=text.C,
+        shared=False,
+    )
+
+
+def _many(program: Program) -> _Style:
+    return _Style(
+        real="Vector",
+        number="ZERO + ({})",
+        zero="ZERO",
+        turn=(
+            "Vector {sin}, {cos};",
+            f"far |= {program.name}_turns({{angle}}, &{{sin}}, &{{cos}});",
+        ),
+        language=replace(text.C, calls={**text.C.calls, "sqrt": "roots({})"}),
+        shared=True,
+    )
+
+
+def _body(program: Program, suffix: str, style: _Style) -> Body:
     coefficients = series(program, suffix)
     loads = [
-        f"const double {load.name} = {load.argument}[{load.index}];"
+        f"const {style.real} {load.name} = {load.argument}[{load.index}];"
         for load in coefficients.loads
         if load.argument != "t"
     ]
-    start = list(_start(program, coefficients.start))
+    start = list(_start(style, coefficients.start))
     used = {load.argument for load in coefficients.loads}
     line = WIDEST * 8 // program.real.bits
     lines = max(1, -(-len(coefficients.slots) // line))
+    order = _Order(coefficients, style)
     return Body(
         suffix=suffix,
         about=f"{len(coefficients.slots)} products",
@@ -83,76 +136,91 @@ def _body(program: Program, suffix: str) -> Body:
             (_value(g.value), text.number(g.tolerance), text.comment(g.name))
             for g in coefficients.guards
         ),
-        first=tuple(_first(coefficients)),
-        step=tuple(_Order(coefficients).lines()),
+        first=tuple(_first(coefficients, style)),
+        step=tuple(order.lines()),
         unused=tuple(name for name in "tupc" if name not in used),
         inputs=len(program.argument("u").names) if coefficients.inputs else 0,
         rates=len(coefficients.rates),
+        reads=tuple(name for name in "upc" if name in used),
+        time="t" in used,
+        roots=any("roots(" in line for line in start),
+        sides=tuple([*order.sides, *order.sides[-1:]][: len(order.sides) + len(order.sides) % 2]),
+        rows=max(1, len(order.rows)),
     )
 
 
-def _value(value: Expression) -> str:
-    return text.expression(value, text.C)
+def _value(value: Expression, language: text.Language = text.C) -> str:
+    return text.expression(value, language)
 
 
 def _is_turn(statement: Statement) -> bool:
     return isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos")
 
 
-def _start(program: Program, statements: Sequence[Statement]) -> Iterator[str]:
-    """Values at the start of a step; a sine comes with its cosine."""
+def _start(style: _Style, statements: Sequence[Statement]) -> Iterator[str]:
+    """Values at the start of a step; a sine comes with its cosine. What is made of numbers alone is
+    the same in all lanes."""
+    numbers: set[str] = set()
     k = 0
     while k < len(statements):
         statement = statements[k]
         if isinstance(statement.value, tuple) and _is_turn(statement):
             pair = {s.value[0]: s.name for s in statements[k : k + 2] if isinstance(s.value, tuple)}
             angle, sin, cos = _value(statement.value[1]), pair["sin"], pair["cos"]
-            yield f"double {sin}, {cos};"
-            yield f"if ({program.name}_sincos({angle}, &{sin}, &{cos}) != 0.0)"
-            yield f"    {sin} = sin({angle}), {cos} = cos({angle});"
+            yield from (line.format(angle=angle, sin=sin, cos=cos) for line in style.turn)
             k += 2
         else:
-            yield f"const double {statement.name} = {_value(statement.value)};"
+            same = names_in(statement.value) <= numbers
+            numbers |= {statement.name} if same else set()
+            value = _value(statement.value, style.language)
+            yield f"const {'double' if same else style.real} {statement.name} = {value};"
             k += 1
 
 
-def _first(made: Series) -> Iterator[str]:
+def _first(made: Series, style: _Style) -> Iterator[str]:
     """Order 0."""
-    for k, slot in enumerate(made.slots):
-        left = "0.0" if slot.weighted else slot.left
+    for k, slot in enumerate(() if style.shared else made.slots):
+        left = style.zero if slot.weighted else slot.left
         yield f"L[{k}] = {left}, R[{k}] = {slot.right};"
     for i, (rate, _) in enumerate(made.rates):
-        yield f"out[ROW + {i}] = {_value(rate)};"
+        form = style.number if isinstance(rate, float) else "{}"
+        yield f"out[ROW + {i}] = {form.format(_value(rate, style.language))};"
 
 
 class _Order:
     """Lines of order n > 0. Coefficients have names of their own beside the values at the start,
     which are their factors."""
 
-    def __init__(self, made: Series) -> None:
-        self.made = made
+    def __init__(self, made: Series, style: _Style) -> None:
+        self.made, self.style = made, style
         taken = {*(load.name for load in made.loads), *(s.name for s in made.start)}
         self._free = Names([*RESERVED, *TAKEN, *taken])
         self._names: dict[str, str] = {}
-        self.stores = self._stores()
+        # of the series that slots take, and whether times n
+        self.rows: dict[tuple[str, bool], int] = {}
+        self.sides = [
+            (self._row(slot.left, slot.weighted), self._row(slot.right)) for slot in made.slots
+        ]
+        self.stores = self._shared_stores() if style.shared else self._stores()
         self.ready: dict[str | int, int] = {}  # cycles after which a coefficient is there
 
     def lines(self) -> Iterator[str]:
         """A coefficient goes to the slots that need it as soon as there is one."""
         yield from self._sums()
         if self.made.time:
-            yield from self._put(self.made.time, "n == 1 ? 1.0 : 0.0")
+            yield from self._put(self.made.time, self.style.number.format("n == 1 ? 1.0 : 0.0"))
         for name, i in self.made.states:
             yield from self._put(name, f"now[{i}]")
         for name, i in self.made.inputs:
-            yield from self._put(name, f"n <= given ? rates_of_u[(n - 1) * INPUTS + {i}] : 0.0")
+            rate = f"rates_of_u[(n - 1) * INPUTS + {i}]"
+            yield from self._put(name, f"n <= given ? {rate} : {self.style.zero}")
         for step in self.made.steps:
             value, self.ready[step.name] = self._sum(step.terms)
             if step.condition is not None:
                 value = f"{_value(step.condition)} != 0.0 ? {value} : 0.0"
             yield from self._put(step.name, value)
         for i, (_, rate) in enumerate(self.made.rates):
-            value = f"{self._name(rate)} * next" if isinstance(rate, str) else "0.0"
+            value = f"{self._name(rate)} * next" if isinstance(rate, str) else self.style.zero
             yield f"x_next[{i}] = now[{i}] = {value};"
 
     def _name(self, coefficient: str) -> str:
@@ -161,7 +229,7 @@ class _Order:
         return self._names[coefficient]
 
     def _put(self, coefficient: str, value: str) -> Iterator[str]:
-        yield f"const double {self._name(coefficient)} = {value};"
+        yield f"const {self.style.real} {self._name(coefficient)} = {value};"
         yield from self.stores.get(coefficient, ())
 
     def _stores(self) -> dict[str, list[str]]:
@@ -174,9 +242,20 @@ class _Order:
             stores.setdefault(right, []).append(f"r[{k}] = {self._name(right)};")
         return stores
 
+    def _row(self, name: str, weighted: bool = False) -> int:
+        return self.rows.setdefault((self.made.coefficient(name), weighted), len(self.rows))
+
+    def _shared_stores(self) -> dict[str, list[str]]:
+        """Where coefficients go if each is kept once."""
+        stores: dict[str, list[str]] = {}
+        for (name, weighted), k in self.rows.items():
+            weight = "order_n * " if weighted else ""
+            stores.setdefault(name, []).append(f"newest[{k}] = {weight}{self._name(name)};")
+        return stores
+
     def _sums(self) -> Iterator[str]:
         for k, slot in enumerate(self.made.slots):
-            yield f"const double s{k} = S[{k}]{' * part' if slot.weighted else ''};"
+            yield f"const {self.style.real} s{k} = S[{k}]{' * part' if slot.weighted else ''};"
 
     def _sum(self, terms: Sequence[Term]) -> tuple[str, int]:
         """Terms added one after the other as their coefficients get known, or in two such chains

@@ -35,6 +35,7 @@ enum { INPUTS = FOUR_BAR_NU, PARAMETERS = FOUR_BAR_NP, CONSTANTS = FOUR_BAR_NC_D
 #define HAS_LANES_RATES 1
 #define HAS_LANES_SLOPE 1
 #define HAS_LANES_EVENTS 0
+#define HAS_LANES_TAYLOR 0
 #define HAS_ROWS 1
 #define FRAME 0
 #define HAS_MIDPOINT 0
@@ -245,8 +246,8 @@ int four_bar_simulate_batch(const four_bar_motions *motions, void *workspace)
 
 size_t four_bar_workspace(void)
 {
-#if HAS_LANES && EXPLICIT_STAGES
-    return GROUPS * sizeof(Lanes) + 64;
+#if SIDE_BY_SIDE
+    return GROUPS * sizeof(Lanes) + SERIES_ROOM * LANES * sizeof(double) + 64;
 #else
     return 0;
 #endif

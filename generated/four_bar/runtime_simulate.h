@@ -515,7 +515,7 @@ static int run_to(Run *r, const Method *method, size_t n, const double *times, l
             if (method->prepare && (status = method->prepare(r)) != OK)
                 return told(r, status);
             h = next_size(s, left);
-            if (h < left && h < fmax(SHARED(16.0, 2.0) * DBL_EPSILON * fabs(s->t), 1e-30 * fabs(times[n - 1])))
+            if (too_short(s, h, left, times[n - 1]))
                 return failed ? told(r, failed) : STEP_TOO_SMALL;
             if (sizeof(double) < 8 && h < left)
                 h = (s->t + h) - s->t; /* what time really moves by: its last digit may be no small part of h */

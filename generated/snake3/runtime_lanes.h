@@ -137,7 +137,24 @@ static void one_by_one(const Motions *all, const Method *method)
     }
 }
 
-#if HAS_LANES && EXPLICIT_STAGES
+#if HAS_INPUTS
+/* Does a callback give any of the inputs? */
+static int any_calls(const Motions *all)
+{
+    size_t row;
+    for (row = 0; all->inputs && row < (all->inputs_stride ? all->rows : 1); row++)
+        if (all->inputs[row].call)
+            return 1;
+    return 0;
+}
+#endif
+
+#define SIDE_BY_SIDE (HAS_LANES && (EXPLICIT_STAGES || HAS_LANES_TAYLOR))
+#if !HAS_LANES_TAYLOR
+#define SERIES_ROOM 0
+#endif
+
+#if SIDE_BY_SIDE
 
 #pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed between functions of this file alone */
 
@@ -154,17 +171,24 @@ typedef struct __attribute__((aligned(64))) {
     double error[LANES], last[LANES]; /* of the last good step, less than zero where one was rejected since; its log2 */
     double position_violation[LANES], velocity_violation[LANES];
     double bad[LANES]; /* not zero where a lane has to be done alone */
+    double strange[LANES]; /* where the series is not plain */
     double floor[(NQ + 1) * LANES]; /* a turn where an angle went round, for the tolerance */
     double guard[(GUARDS + 1) * LANES], guard_size[(GUARDS + 1) * LANES], guard_rate[(GUARDS + 1) * LANES], seen[(GUARDS + 1) * LANES];
     double violation[(CONSTRAINT_ROWS + 1) * LANES];
     double constants[LANES][CONSTANTS + 1]; /* the same for the loop of one motion */
     double a[DENSE_DEGREE + 1][N * LANES]; /* the continuous output, as powers of 2 theta - 1 */
     double values[EIGHTHS + 1][EVENTS_MOST * LANES], signs[EVENTS_MOST * LANES]; /* of events */
+#if HAS_LANES_TAYLOR
+    double series[(HIGHEST_ORDER + 1) * N * LANES];
+    uint64_t owed[LANES], made[LANES], begun[LANES]; /* whose next step its series has to tell; whose series is new; who took a step before */
+#endif
     uint64_t good[LANES], met[LANES], moved[LANES], busy[LANES], steps[LANES], rejected[LANES], calls[LANES], spent[LANES]; /* `spent` is of the whole motion */
 #if HAS_INPUTS
     double knot[LANES], table[4 * INPUTS * LANES]; /* where the segment of each lane begins, and its polynomials */
     int tables, called; /* whether there are any, and a callback */
 #endif
+    int degree; /* of a */
+    double *room; /* for the sums of the series */
     Dense dense; /* of the lane that is done alone; behind all that is loaded as vectors */
     size_t row[LANES];
     Motion motion[LANES];
@@ -305,6 +329,11 @@ static void enter_lane(const Motions *all, Lanes *w, int lane)
     w->position_violation[lane] = s->position_violation;
     w->velocity_violation[lane] = s->velocity_violation;
     w->last[lane] = log2(fabs(s->error));
+#if HAS_LANES_TAYLOR
+    w->owed[lane] = s->expanded ? 0 : UINT64_MAX;
+    w->made[lane] = 0;
+    w->begun[lane] = s->steps ? UINT64_MAX : 0;
+#endif
 #if HAS_INPUTS
     enter_segment(w, lane);
 #endif
@@ -330,6 +359,9 @@ static void leave_lane(Lanes *w, int lane)
         s->slope[i] = w->own[i * LANES + lane];
     }
     s->t = w->t[lane];
+#if HIGHEST_ORDER
+    s->expanded = starts_at(s, s->t, s->x);
+#endif
     s->next_step = w->wanted[lane];
     s->error = w->error[lane];
     s->steps += (long)w->steps[lane];
@@ -428,6 +460,7 @@ static inline void slopes(Lanes *w, const double *t, const double *z, int weight
     (void)weighted;
 }
 
+#if EXPLICIT_STAGES
 /* For the functions of a method, each row of its weights once: z = y + h times a sum over the slopes, or h times the sum alone. */
 #define SLOPE(j) vector(k + (j) * N * LANES + i)
 #define MOVED(sum)                             \
@@ -503,6 +536,138 @@ static inline void lanes_step(const Motions *all, const Tableau *m, Lanes *const
             combine(m, m->stages + 1, w, w->other);
         lanes_error(all, w, m->errors);
     }
+}
+#endif
+
+#if HAS_LANES_TAYLOR
+#if HAS_INPUTS
+/* Coefficients 1 to 3 of the inputs of all lanes, as inputs_along has those of one. */
+static inline void lanes_inputs_along(const Lanes *w, double *rates)
+{
+    const Vector since = vector(w->t) - vector(w->knot);
+    int i;
+    for (i = 0; i < INPUTS; i++) {
+        const double *const a = w->table + 4 * i * LANES;
+        const Vector square = vector(a + 2 * LANES), cube = vector(a + 3 * LANES);
+        store(rates + i * LANES, vector(a + LANES) + since * (2.0 * square + since * 3.0 * cube));
+        store(rates + (INPUTS + i) * LANES, square + since * 3.0 * cube);
+        store(rates + (2 * INPUTS + i) * LANES, cube);
+    }
+}
+#endif
+
+/* How long steps may be, as longest_step says it of one. */
+static inline Vector lanes_longest(const Motions *all, const Lanes *w, int order)
+{
+    const Bits first = ~bits(w->begun);
+    const Vector most = (Vector){0.0} + 600.0;
+    Vector weight[N], least = most;
+    int n = any(first & bits(w->busy)) ? order / 2 : order - 3, i;
+    for (i = 0; i < MOVING; i++) {
+        Vector extent = size_of(vector(w->y + i * LANES));
+#if TURNING
+        if (i < NQ)
+            extent = larger(extent, vector(w->floor + i * LANES));
+#endif
+        weight[i] = 1.0 / (all->atol + all->rtol * extent);
+    }
+    for (n = n > 1 ? n : 1; n <= order; n++) {
+        const double *const term = w->series + n * N * LANES;
+        const uint64_t late = n < order - 3 ? 0 : UINT64_MAX;
+        Vector size = {0.0}, log;
+        for (i = 0; i < MOVING; i++) {
+            const Vector scaled = vector(term + i * LANES) * weight[i];
+            size += scaled * scaled;
+        }
+        log = (2.0 * (double)(order - n) - 2.7 - 0.34657359027997264 * quick_log2(size / (double)N)) / (double)n; /* ln(2) / 2 */
+        log = either((Bits)(size < INFINITY), log, -most); /* where squares overflow a step is nothing */
+        least = either((first | late) & (Bits)(size > 0.0) & (Bits)(log < least), log, least);
+    }
+    return quick_exp2(1.4426950408889634 * least);
+}
+
+/* The series from all states on, where any lane has come to a new one; and there the size of the next step. */
+static inline void lanes_expanded(const Motions *all, Lanes *w)
+{
+    const Bits owed = bits(w->owed) & bits(w->busy);
+    const int order = order_of(all->rtol);
+    const double *rates_of_u = NULL;
+    int n;
+#if HAS_INPUTS
+    double __attribute__((aligned(64))) rates_here[3 * INPUTS * LANES];
+#endif
+    if (!any(owed))
+        return;
+#if HAS_INPUTS
+    if (w->tables) {
+        feed_lanes(w, w->t, w->y);
+        lanes_inputs_along(w, rates_here);
+        rates_of_u = rates_here;
+    }
+#endif
+    memcpy(w->series + NX * LANES, w->y + NX * LANES, LANES * sizeof(double));
+    for (n = 1; n <= order && !HAS_POWER; n++)
+        store(w->series + (n * N + NX) * LANES, (Vector){0.0});
+    LANES_taylor(w->t, w->y, w->u, rates_of_u, w->p, w->c, order, w->series, w->room, w->strange);
+    if (!(all->step_size > 0.0))
+        store(w->wanted, either(owed & (Bits)(vector(w->strange) == 0.0), lanes_longest(all, w, order), vector(w->wanted)));
+    *(Bits *)w->made |= owed;
+    *(Bits *)w->owed = bits(w->owed) & ~owed;
+}
+
+/* Along the series to the ends of the steps. */
+static inline void lanes_along(const Motions *all, Lanes *w)
+{
+    const Vector h = vector(w->h), square = h * h;
+    const int order = order_of(all->rtol);
+    int i, n;
+    for (i = 0; i < N; i++) {
+        const double *const term = w->series + i * LANES;
+        Vector odd = {0.0}, even = {0.0}, odd_slope = {0.0}, even_slope = {0.0};
+        for (n = order; n > 0; n--) {
+            const Vector a = vector(term + n * N * LANES);
+            if (n % 2)
+                odd = odd * square + a, odd_slope = odd_slope * square + (double)n * a;
+            else
+                even = even * square + a, even_slope = even_slope * square + (double)n * a;
+        }
+        store(w->z + i * LANES, vector(term) + (h * odd + square * even));
+        store(w->next + i * LANES, odd_slope + h * even_slope);
+    }
+    memcpy(w->bad, w->strange, sizeof w->bad);
+    memset(w->moved, 0, sizeof w->moved);
+    memset(w->now, 0, sizeof w->now);
+}
+
+/* The series as continuous output, as taylor_dense has that of one. */
+static inline void lanes_recentred(const Motions *all, Lanes *w)
+{
+    const int order = order_of(all->rtol);
+    Vector power = (Vector){0.0} + 1.0;
+    int i, k, n;
+    w->degree = order > 3 ? order : 3;
+    memset(w->a[3], 0, sizeof w->a[3]);
+    for (n = 0; n <= order; n++, power *= 0.5 * vector(w->h))
+        for (i = 0; i < NX; i++)
+            store(w->a[n] + i * LANES, power * vector(w->series + (n * N + i) * LANES));
+    for (k = 0; k < w->degree; k++) /* a shift by one, after Horner */
+        for (n = w->degree - 1; n >= k; n--)
+            for (i = 0; i < NX; i++)
+                store(w->a[n] + i * LANES, vector(w->a[n] + i * LANES) + vector(w->a[n + 1] + i * LANES));
+}
+#endif
+
+/* Evaluations that a step takes in each lane. */
+static inline Bits stages_of(const Method *method, const Lanes *w)
+{
+#if EXPLICIT_STAGES
+    if (!method->prepare)
+        return bits(w->busy) & (uint64_t)((const Tableau *)method->coefficients)->stages;
+#endif
+#if HAS_LANES_TAYLOR
+    (void)method;
+    return bits(w->made) & 1;
+#endif
 }
 
 #if HAS_PROJECT
@@ -593,30 +758,58 @@ static inline void lanes_passing(Lanes *w)
 }
 #endif
 
-/* The continuous output in all lanes, as runtime_dense.h makes it of one. */
-static inline void lanes_dense(const Tableau *m, Lanes *w)
+/* The cubics through both ends with their slopes. */
+static inline void lanes_cubic(Lanes *w)
+{
+    int i;
+    w->degree = 3;
+    for (i = 0; i < NX; i++) {
+        const Vector h = vector(w->h), y = vector(w->y + i * LANES), z = vector(w->z + i * LANES);
+        const Vector own = vector(w->own + i * LANES), next = vector(w->next + i * LANES), rise = 0.5 * (z - y);
+        store(w->a[2] + i * LANES, 0.125 * h * (next - own));
+        store(w->a[3] + i * LANES, 0.125 * h * (next + own) - 0.5 * rise);
+        store(w->a[0] + i * LANES, 0.5 * (y + z) - vector(w->a[2] + i * LANES));
+        store(w->a[1] + i * LANES, rise - vector(w->a[3] + i * LANES));
+    }
+}
+
+#if EXPLICIT_STAGES
+/* By weights of the stages, some of which are made for it. */
+static inline void lanes_weighted(const Tableau *m, Lanes *w)
 {
     const int first = m->stages + m->errors;
-    int i, n;
+    int n;
     memcpy(w->k[0], w->own, sizeof w->own);
     for (n = 0; n < m->extra; n++) {
         combine(m, first + n, w, w->e);
         store(w->at, vector(w->t) + m->c[m->stages + n] * vector(w->h));
         slopes(w, w->at, w->e, 0, w->k[m->stages + 1 + n]);
     }
-    for (n = 0; n <= m->degree && m->degree; n++)
+    w->degree = m->degree;
+    for (n = 0; n <= m->degree; n++)
         combine(m, first + m->extra + n, w, w->a[n]);
+}
+#endif
+
+/* The continuous output in all lanes, as runtime_dense.h makes it of one. */
+static inline void lanes_dense(const Motions *all, const Method *method, Lanes *w)
+{
+    int i, n;
+#if HAS_LANES_TAYLOR
+    if (method->prepare)
+        lanes_recentred(all, w);
+    else
+#endif
+#if EXPLICIT_STAGES
+    if (((const Tableau *)method->coefficients)->degree)
+        lanes_weighted((const Tableau *)method->coefficients, w);
+    else
+#endif
+        lanes_cubic(w);
+    (void)all, (void)method;
     for (i = 0; i < NX; i++) {
-        const Vector h = vector(w->h), y = vector(w->y + i * LANES), z = vector(w->z + i * LANES);
-        const Vector own = vector(w->own + i * LANES), next = vector(w->next + i * LANES), rise = 0.5 * (z - y);
-        Vector off = z;
-        if (!m->degree) {
-            store(w->a[2] + i * LANES, 0.125 * h * (next - own));
-            store(w->a[3] + i * LANES, 0.125 * h * (next + own) - 0.5 * rise);
-            store(w->a[0] + i * LANES, 0.5 * (y + z) - vector(w->a[2] + i * LANES));
-            store(w->a[1] + i * LANES, rise - vector(w->a[3] + i * LANES));
-        }
-        for (n = 0; n <= (m->degree ? m->degree : 3); n++)
+        Vector off = vector(w->z + i * LANES);
+        for (n = 0; n <= w->degree; n++)
             off -= vector(w->a[n] + i * LANES);
         store(w->a[0] + i * LANES, vector(w->a[0] + i * LANES) + 0.5 * off);
         store(w->a[1] + i * LANES, vector(w->a[1] + i * LANES) + 0.75 * off);
@@ -625,15 +818,15 @@ static inline void lanes_dense(const Tableau *m, Lanes *w)
 }
 
 /* All functions of events at place j of the step; lanes without a value become bad. */
-static inline void lanes_values(const Motions *all, const Tableau *m, Lanes *w, int j)
+static inline void lanes_values(const Motions *all, Lanes *w, int j)
 {
     const double sigma = 2.0 * eighth(j) - 1.0;
-    const int degree = m->degree ? m->degree : 3, own = EVENTS;
+    const int own = EVENTS;
     double *const z = j < EIGHTHS ? w->e : w->z;
     int i, k, lane;
     for (i = 0; i < NX && j < EIGHTHS; i++) {
-        Vector sum = vector(w->a[degree] + i * LANES);
-        for (k = degree - 1; k >= 0; k--)
+        Vector sum = vector(w->a[w->degree] + i * LANES);
+        for (k = w->degree - 1; k >= 0; k--)
             sum = sum * sigma + vector(w->a[k] + i * LANES);
         store(w->e + i * LANES, sum);
     }
@@ -661,15 +854,15 @@ static inline void lanes_values(const Motions *all, const Tableau *m, Lanes *w, 
 }
 
 /* Lanes where something may happen in the step become bad: the loop of one motion looks closer. What is asked is what it asks. */
-static inline void lanes_watched(const Motions *all, const Tableau *m, Lanes *w)
+static inline void lanes_watched(const Motions *all, const Method *method, Lanes *w)
 {
     const int count = EVENTS + all->events->count;
     const Vector one = (Vector){0.0} + 1.0;
     Vector bad;
     int j, k, lane;
-    lanes_dense(m, w);
+    lanes_dense(all, method, w);
     for (j = 0; j <= EIGHTHS; j++)
-        lanes_values(all, m, w, j);
+        lanes_values(all, w, j);
     for (lane = 0; lane < LANES; lane++)
         for (k = 0; k < count; k++)
             w->signs[k * LANES + lane] = w->busy[lane] ? (double)w->motion[lane].s.events->sign[k] : 1.0;
@@ -689,7 +882,10 @@ static inline void lanes_watched(const Motions *all, const Tableau *m, Lanes *w)
         bad += either(seen, one, one - one);
     }
     store(w->bad, bad);
-    *(Bits *)w->calls += bits(w->good) & (Bits)(bad == 0.0) & (uint64_t)m->extra;
+#if EXPLICIT_STAGES
+    if (!method->prepare)
+        *(Bits *)w->calls += bits(w->good) & (Bits)(bad == 0.0) & (uint64_t)((const Tableau *)method->coefficients)->extra;
+#endif
 }
 
 #if KINKS
@@ -756,7 +952,7 @@ static inline void lanes_sized(const Motions *all, const Method *method, Lanes *
     const Vector now = vector(w->now), h = vector(w->h), error = vector(w->error), one = (Vector){0.0} + 1.0;
     const Bits good = bits(w->good), busy = bits(w->busy), last = (Bits)(vector(w->end) >= vector(w->goal));
     const Bits shorter = busy & ~good & (Bits)(now > 1.0) & (Bits)(vector(w->stray_now) == 0.0);
-    if (!(all->step_size > 0.0)) {
+    if (!(all->step_size > 0.0) && !method->prepare) {
         const Vector log = quick_log2(now), wanted = vector(w->wanted), most = 5.0 * one, zero = one - one;
         const Vector before = either(good, method->damp * vector(w->last), zero); /* as in shrinkage; a step that is too long knows no other */
         const Vector factor = quick_exp2(method->grow * log - before) * (1.0 / method->safety);
@@ -768,6 +964,10 @@ static inline void lanes_sized(const Motions *all, const Method *method, Lanes *
         store(w->last, either(good, larger(log, floor_of_log * one), vector(w->last)));
     }
     store(w->t, either(good, vector(w->end), vector(w->t)));
+#if HAS_LANES_TAYLOR
+    *(Bits *)w->owed |= good;
+    *(Bits *)w->begun |= good;
+#endif
     *(Bits *)w->steps += good & 1;
     *(Bits *)w->rejected += shorter & 1;
     *(Bits *)w->spent += (good | shorter) & 1;
@@ -811,6 +1011,10 @@ static int lanes_ready(const Motions *all, const Method *method, Lanes *w, size_
     uint64_t *const halted = w->met, busy = 0;
     int lane;
     for (;;) {
+#if HAS_LANES_TAYLOR
+        if (method->prepare)
+            lanes_expanded(all, w);
+#endif
         lanes_begun(all, w, halted);
         if (!any(bits(halted)))
             break;
@@ -857,13 +1061,31 @@ static int arrived(const Motions *all, Lanes *w, int lane)
     return status;
 }
 
+#if HAS_LANES_TAYLOR
+/* Makes the series of one lane for the loop of one motion, and the size of its step. */
+static int prepared(const Motions *all, const Method *method, Lanes *w, int lane)
+{
+    Motion *const m = w->motion + lane;
+    const double left = w->goal[lane] - m->s.t;
+    const int status = method->prepare(&m->run);
+    if (status != OK)
+        return status;
+    w->h[lane] = next_size(&m->s, left);
+    return too_short(&m->s, w->h[lane], left, m->times[all->n - 1]) ? STEP_TOO_SMALL : OK;
+}
+#endif
+
 /* Takes the step of one lane again, by the loop of one motion. */
 static int alone(const Motions *all, const Method *method, Lanes *w, int lane)
 {
     Motion *const m = w->motion + lane;
-    int status;
+    int status = OK;
     leave_lane(w, lane);
-    m->s.calls -= ((const Tableau *)method->coefficients)->stages + (w->moved[lane] != 0);
+    m->s.calls -= (long)stages_of(method, w)[lane] + (w->moved[lane] != 0);
+#if HAS_LANES_TAYLOR
+    if (method->prepare && (status = prepared(all, method, w, lane)) != OK)
+        return told(&m->run, status);
+#endif
     status = advance(&m->run, method, w->goal[lane], w->goal[lane] - m->s.t, w->h[lane], &m->failed);
     m->failed_at = (uint64_t)m->s.steps + (uint64_t)m->s.rejected;
 #if HAS_INPUTS
@@ -880,19 +1102,18 @@ static int alone(const Motions *all, const Method *method, Lanes *w, int lane)
 /* What follows the stages of a step: good lanes take it. */
 static inline void lanes_settled(const Motions *all, const Method *method, Lanes *w, size_t *queue)
 {
-    const Tableau *const tableau = (const Tableau *)method->coefficients;
     uint64_t *const met = w->met;
     int lane;
 #if KINKS
     lanes_kinked(w);
 #endif
 #if HAS_GUARDS && HAS_PROJECT
-    if (all->enforcement == PROJECTION)
+    if (all->enforcement == PROJECTION && IS_EXPLICIT(method))
         lanes_passing(w);
 #endif
     memcpy(w->stray_now, w->bad, sizeof w->bad);
     *(Bits *)w->good = bits(w->busy) & (Bits)(vector(w->bad) == 0.0) & (Bits)(vector(w->now) <= 1.0);
-    *(Bits *)w->calls += bits(w->busy) & (uint64_t)tableau->stages;
+    *(Bits *)w->calls += bits(w->busy) & stages_of(method, w);
 #if HAS_PROJECT
     if (all->enforcement == PROJECTION)
         lanes_projected(w);
@@ -900,7 +1121,7 @@ static inline void lanes_settled(const Motions *all, const Method *method, Lanes
     lanes_looked(w);
     *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
     if (all->events) {
-        lanes_watched(all, tableau, w);
+        lanes_watched(all, method, w);
         *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
     }
     lanes_accept(w);
@@ -922,21 +1143,32 @@ static inline void lanes_settled(const Motions *all, const Method *method, Lanes
         }
 }
 
+/* One step in all lanes of the groups. */
+static inline void lanes_moved(const Motions *all, const Method *method, Lanes *const *groups, int count)
+{
+#if HAS_LANES_TAYLOR
+    int g;
+    for (g = 0; g < count && method->prepare; g++)
+        lanes_along(all, groups[g]);
+#endif
+#if EXPLICIT_STAGES
+    if (!method->prepare)
+        lanes_step(all, (const Tableau *)method->coefficients, groups, count);
+#endif
+}
+
 static void side_by_side(const Motions *all, const Method *method, Lanes *lanes)
 {
-    const Tableau *const tableau = (const Tableau *)method->coefficients;
     Lanes *groups[GROUPS]; /* with motions */
     size_t queue = 0;
     int g, lane, count;
 #if HAS_INPUTS
-    int called = 0;
-    for (queue = 0; all->inputs && queue < (all->inputs_stride ? all->rows : 1); queue++)
-        called |= all->inputs[queue].call != NULL;
-    queue = 0;
+    const int called = any_calls(all);
 #endif
     for (g = 0; g < (int)GROUPS; g++) {
         Lanes *const w = lanes + g;
         memset(w, 0, sizeof *w);
+        w->room = (double *)(lanes + GROUPS);
 #if HAS_INPUTS
         w->tables = all->inputs != NULL;
         w->called = called;
@@ -950,19 +1182,34 @@ static void side_by_side(const Motions *all, const Method *method, Lanes *lanes)
                 groups[count++] = lanes + g;
         if (!count)
             return;
-        lanes_step(all, tableau, groups, count);
+        lanes_moved(all, method, groups, count);
         for (g = 0; g < count; g++)
             lanes_settled(all, method, groups[g], &queue);
     }
 }
 #endif
 
+#if SIDE_BY_SIDE
+/* Can they go side by side? */
+static int fits_lanes(const Motions *all, const Method *method)
+{
+    if (all->enforcement != PROJECTION && all->enforcement != NONE)
+        return 0;
+    if (all->events && EVENTS && !HAS_LANES_EVENTS)
+        return 0;
+#if EXPLICIT_STAGES
+    if (method->step == explicit_step)
+        return 1;
+#endif
+    return HAS_LANES_TAYLOR && method->prepare;
+}
+#endif
+
 /* All motions; `workspace` has room for Lanes and begins at a multiple of 64 where motions run side by side. */
 static void run_all(const Motions *all, const Method *method, void *workspace)
 {
-#if HAS_LANES && EXPLICIT_STAGES
-    const int plain = all->enforcement == PROJECTION || all->enforcement == NONE;
-    if (plain && method->step == explicit_step && (!all->events || !EVENTS || HAS_LANES_EVENTS)) {
+#if SIDE_BY_SIDE
+    if (fits_lanes(all, method)) {
         const uintptr_t place = ((uintptr_t)workspace + 63) / 64 * 64;
         side_by_side(all, method, (Lanes *)place);
         return;

@@ -34,6 +34,7 @@ enum { INPUTS = SNAKE3_NU, PARAMETERS = SNAKE3_NP, CONSTANTS = SNAKE3_NC_DYNAMIC
 #define HAS_LANES_RATES 1
 #define HAS_LANES_SLOPE 1
 #define HAS_LANES_EVENTS 0
+#define HAS_LANES_TAYLOR 0
 #define HAS_ROWS 0
 #define FRAME 0
 #define HAS_MIDPOINT 0
@@ -236,8 +237,8 @@ int snake3_simulate_batch(const snake3_motions *motions, void *workspace)
 
 size_t snake3_workspace(void)
 {
-#if HAS_LANES && EXPLICIT_STAGES
-    return GROUPS * sizeof(Lanes) + 64;
+#if SIDE_BY_SIDE
+    return GROUPS * sizeof(Lanes) + SERIES_ROOM * LANES * sizeof(double) + 64;
 #else
     return 0;
 #endif

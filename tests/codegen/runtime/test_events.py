@@ -145,12 +145,14 @@ def test_states_at_events_are_on_the_constraints(modules: dict[str, ModuleType])
         np.testing.assert_allclose(turns, np.arange(1, 1 + len(turns)), atol=1e-12)
 
 
-def test_each_of_many_motions_has_its_own(spring: ModuleType) -> None:
+@pytest.mark.parametrize("integrator", ["dop853", "taylor"])
+def test_each_of_many_motions_has_its_own(spring: ModuleType, integrator: str) -> None:
     x = np.stack([np.linspace(0.6, 2.0, 40), np.zeros(40)], axis=-1)
-    many = spring.simulate((0.0, 25.0), x.reshape(4, 10, 2), threads=2)
+    how = {"integrator": integrator}
+    many = spring.simulate((0.0, 25.0), x.reshape(4, 10, 2), threads=2, **how)
     assert (many.status == spring.Status.EVENT).all() and many.status.shape == (4, 10)
     for k in (0, 17, 39):
-        one = spring.simulate((0.0, 25.0), x[k])
+        one = spring.simulate((0.0, 25.0), x[k], **how)
         mine = many.events.row == k
         np.testing.assert_allclose(many.events.t[mine], one.events.t, atol=1e-9)
         np.testing.assert_array_equal(many.events.which[mine], one.events.which)

@@ -7,6 +7,7 @@ import ctypes
 import importlib
 import itertools
 import subprocess
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from codegen import compiler, loader
-from codegen.integrators import INTEGRATORS, Tableau
+from codegen.integrators import INTEGRATORS, Tableau, Taylor
 from codegen.passes import program
 from codegen.runtime.inputs import Table, pieces, sample_times, source
 from derive.formulations.derivatives import derivatives
@@ -119,7 +120,9 @@ def test_every_way_gives_the_same(cart: ModuleType, way: str, kind: str) -> None
     np.testing.assert_array_equal(other.u, first.u)
 
 
-@pytest.mark.parametrize("integrator", [x.name for x in INTEGRATORS if isinstance(x, Tableau)])
+@pytest.mark.parametrize(
+    "integrator", [x.name for x in INTEGRATORS if isinstance(x, (Tableau, Taylor))]
+)
 def test_lanes_take_tables_shared_and_of_each(cart: ModuleType, integrator: str) -> None:
     how = {"step_size": 0.01} if integrator == "rk4" else {}
     how |= {"integrator": integrator, "times": [0.4, 2.0]}
@@ -229,6 +232,41 @@ def test_compiled_functions_are_called_as_they_are(cart: ModuleType, tmp_path: A
     with pytest.raises(cart.Stopped) as caught:
         cart.simulate(t, [-10.0, 0.0], push)
     assert caught.value.partial.status == cart.Status.NO_INPUT
+
+
+CALLED = """#include "cart_simulate.h"
+static int push(double t, const double *x, double *u, void *data)
+{ (void)t, (void)x, (void)data; u[0] = 1.0; return 0; }
+int main(void)
+{
+    static double workspace[1 << 20], x[2], u[2], out[2], work[1], t0[1], times[1] = {1.0};
+    static cart_end end;
+    cart_inputs inputs = {0};
+    cart_motions all = {.rows = 1, .n = 1, .t0 = t0, .times = times, .x = x, .u = u, .rtol = 1e-6,
+        .atol = 1e-6, .budget = 99, .x_out = out, .work_out = work, .ends = &end, .inputs = &inputs};
+    int by_stages, by_series;
+    if (cart_workspace() > sizeof workspace)
+        return 9;
+    inputs.call = push;
+    all.integrator = CART_INTEGRATOR_dop853;
+    all.enforcement = CART_ENFORCEMENTS - 1;
+    by_stages = cart_simulate_batch(&all, workspace);
+    all.integrator = CART_INTEGRATOR_taylor;
+    by_series = cart_simulate_batch(&all, workspace);
+    return by_stages == CART_OK && end.status == CART_OK ? by_series : 8;
+}
+"""
+
+
+def test_what_a_callback_says_is_in_no_series(cart: ModuleType, tmp_path: Any) -> None:
+    """In C, where a batch is asked for by number: NO_METHOD."""
+    (tmp_path / "called.c").write_text(CALLED)
+    command, folder = compiler.find_compiler(), Path(str(cart.__file__)).parent.resolve()
+    assert command is not None
+    library = folder / compiler.shared_library("cart")
+    make = [*command, f"-I{folder}", "called.c", str(library), "-lm", "-o", "called"]
+    subprocess.run(make, cwd=tmp_path, check=True)
+    assert subprocess.run([str(tmp_path / "called")], check=False).returncode == 6
 
 
 # Bad input

@@ -16,13 +16,14 @@ from codegen.emit import emit
 from codegen.integrators import INTEGRATORS, Tableau
 from codegen.passes import program
 from codegen.passes.lanes import side_by_side
+from codegen.passes.taylor import SERIES, series_in_lanes
 from derive.enforcement import ENFORCEMENTS
 from hamel.build.module import published
 from tests.scenes import derived
 from tests.toy import circle
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
-EXPLICIT = tuple(x.name for x in INTEGRATORS if isinstance(x, Tableau))
+EXPLICIT = (*(x.name for x in INTEGRATORS if isinstance(x, Tableau)), SERIES)
 STEPS = {"rk4": 0.01}
 # The weights of verner9's error estimate are large: in short steps it is rounding, and moves the
 # sizes of the steps after it, so that two loops agree to the tolerance only.
@@ -95,35 +96,43 @@ def test_rows_are_those_of_one_motion(
 
 def test_these_go_side_by_side() -> None:
     """Else the tests above compare a loop with itself."""
-    for name in ("four_bar", "pendulum", "snake3"):
-        assert side_by_side(program(derived(name)))
-    assert side_by_side(program(circle()))
+    for e in (*map(derived, ("four_bar", "pendulum", "snake3")), circle()):
+        assert side_by_side(program(e)) and series_in_lanes(program(e))
 
 
-def test_neighbours_do_not_matter(modules: dict[str, ModuleType]) -> None:
+@pytest.mark.parametrize("integrator", ["dop853", SERIES])
+def test_neighbours_do_not_matter(modules: dict[str, ModuleType], integrator: str) -> None:
     """To the bit, in another order, on threads, and through ctypes."""
     module, x = modules["four_bar"], starts("four_bar", 50)
     order = np.random.default_rng(1).permutation(50)
-    first = module.simulate((0.0, 1.0), x)
-    np.testing.assert_array_equal(module.simulate((0.0, 1.0), x[order]).x, first.x[order])
-    np.testing.assert_array_equal(module.simulate((0.0, 1.0), x, threads=3).x, first.x)
+    how = {"integrator": integrator}
+    first = module.simulate((0.0, 1.0), x, **how)
+    np.testing.assert_array_equal(module.simulate((0.0, 1.0), x[order], **how).x, first.x[order])
+    np.testing.assert_array_equal(module.simulate((0.0, 1.0), x, threads=3, **how).x, first.x)
     simulate, library = (
         importlib.import_module(f"{module.__name__}.{name}") for name in ("_simulate", "_library")
     )
     given = ((0.0, 1.0), x, [0.0], None, 1e-9, 1e-11, None, 10**6, None)
-    other = simulate.run(library.advance, "ctypes", *given, batch=library)
+    other = simulate.run(library.advance, "ctypes", *given, batch=library, **how)
     np.testing.assert_array_equal(other.x, first.x)
-    slow = simulate.run(simulate.advance, "numpy", *given[:1], x[:3], *given[2:])
-    np.testing.assert_allclose(slow.x, first.x[:3], rtol=1e-8, atol=1e-9)
 
 
-def test_a_motion_that_fails_fails_alone(modules: dict[str, ModuleType]) -> None:
+def test_numpy_gives_the_same(modules: dict[str, ModuleType]) -> None:
+    module, x = modules["four_bar"], starts("four_bar", 3)
+    simulate = importlib.import_module(f"{module.__name__}._simulate")
+    given = ((0.0, 1.0), x, [0.0], None, 1e-9, 1e-11, None, 10**6, None)
+    slow = simulate.run(simulate.advance, "numpy", *given)
+    np.testing.assert_allclose(slow.x, module.simulate((0.0, 1.0), x).x, rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize("integrator", ["dop853", SERIES])
+def test_a_motion_that_fails_fails_alone(modules: dict[str, ModuleType], integrator: str) -> None:
     module, x = modules["four_bar"], starts("four_bar", 11)
-    good = module.simulate((0.0, 0.5), x)
+    good = module.simulate((0.0, 0.5), x, integrator=integrator)
     x[4, 1] = np.nan
     ended = "1 of 11 motions ended early, .*; motion 4: "
     with pytest.warns(RuntimeWarning, match=ended) as seen:
-        found = module.simulate((0.0, 0.5), x)
+        found = module.simulate((0.0, 0.5), x, integrator=integrator)
     assert seen[0].filename == __file__
     assert found.status[4] == module.Status.NOT_FINITE or found.status[4] in (1, 7)
     assert np.isnan(found.x[4]).sum() >= module.nx
@@ -132,29 +141,55 @@ def test_a_motion_that_fails_fails_alone(modules: dict[str, ModuleType]) -> None
     assert not found.status[others].any()
 
 
-def test_each_has_its_own_end(modules: dict[str, ModuleType]) -> None:
+@pytest.mark.parametrize("integrator", ["dop853", SERIES])
+def test_each_has_its_own_end(modules: dict[str, ModuleType], integrator: str) -> None:
     """Start and end by row, and states, inputs and parameters that broadcast."""
     module = modules["circle"]
     x, p = starts("circle", 3)[:, None, :], np.array([[1.0], [2.0]])
     ends = np.array([[0.0, 0.5], [0.25, 2.0], [1.0, 1.0]])[:, None, :]
-    found = module.simulate(ends, x, [0.3], p)
+    found = module.simulate(ends, x, [0.3], p, integrator=integrator)
     assert found.x.shape == (3, 2, 2, 2) and found.t.shape == (3, 1, 2)
     for i, k in np.ndindex(3, 2):
-        one = module.simulate(ends[i, 0], x[i, 0], [0.3], p[k])
+        one = module.simulate(ends[i, 0], x[i, 0], [0.3], p[k], integrator=integrator)
         np.testing.assert_allclose(found.x[i, k], one.x, rtol=1e-11, atol=1e-12)
         np.testing.assert_allclose(found.work[i, k], one.work, rtol=1e-9, atol=1e-11)
 
 
-def test_each_has_its_own_status(modules: dict[str, ModuleType]) -> None:
+@pytest.mark.parametrize("integrator", ["dop853", SERIES])
+def test_each_has_its_own_status(modules: dict[str, ModuleType], integrator: str) -> None:
     """A wall in time that only some come to; a budget of steps."""
     module, x = modules["circle"], starts("circle", 5)
     ends = np.array([[0.0, end] for end in (1.0, 20.0, 2.0, 8.0, 30.0)])
     with pytest.warns(RuntimeWarning, match="2 of 5 motions ended early"):
-        found = module.simulate(ends, x)
+        found = module.simulate(ends, x, integrator=integrator)
     assert (found.status != 0).tolist() == [False, True, False, False, True]
+    for k in (1, 4):
+        with pytest.raises(module.Stopped) as stopped:
+            module.simulate(ends[k], x[k], integrator=integrator)
+        assert found.status[k] == stopped.value.partial.status
     with pytest.warns(RuntimeWarning, match="too many steps"):
-        few = module.simulate((0.0, 5.0), x, max_steps=7)
-    assert (few.status == module.Status.MORE).all() and (few.steps + few.rejected == 7).all()
+        few = module.simulate((0.0, 5.0), x, max_steps=3, integrator=integrator)
+    assert (few.status == module.Status.MORE).all() and (few.steps + few.rejected == 3).all()
+
+
+@pytest.mark.parametrize("integrator", ["dop853", SERIES])
+def test_events_between_rejected_steps_are_found(
+    modules: dict[str, ModuleType], integrator: str
+) -> None:
+    """On the way to the wall, which no step may come too close to."""
+    module, times = modules["circle"], 9.0 - 10.0 ** -np.arange(1.0, 6.0)
+    events = {f"e{k}": _passes(t) for k, t in enumerate(times)}
+    x = np.tile([1.0, 0.0], (11, 1))
+    with pytest.warns(RuntimeWarning, match="11 of 11 motions ended early"):
+        found = module.simulate((0.0, 20.0), x, None, [1.0], events=events, integrator=integrator)
+    assert found.rejected.min() > 1
+    for k, t in enumerate(times):
+        met = found.events.of(f"e{k}").t
+        np.testing.assert_allclose(met[np.abs(met - t) < 1.0], np.full(11, t), atol=1e-7)
+
+
+def _passes(angle: float) -> Any:
+    return lambda t, x: np.cos(angle) * x[1] - np.sin(angle) * x[0]
 
 
 def test_bad_arguments(modules: dict[str, ModuleType]) -> None:
@@ -217,7 +252,7 @@ def test_other_widths_give_the_same_rows(
     assert command
     compiler.compile_folder(tmp_path, "four_bar", command)
     module, x = loader.load(tmp_path), starts("four_bar", 13)
-    for how in ({}, {"enforcement": "none", "integrator": "dopri5"}):
+    for how in ({}, {"enforcement": "none", "integrator": "dopri5"}, {"integrator": SERIES}):
         wide, usual = (m.simulate((0.0, 1.0), x, **how) for m in (module, modules["four_bar"]))
         assert module.backend == "extension" and not wide.status.any()
         np.testing.assert_allclose(wide.x, usual.x, rtol=1e-9, atol=1e-10)

@@ -4,6 +4,8 @@ where a series is not the motion."""
 
 from __future__ import annotations
 
+import ctypes
+import re
 from pathlib import Path
 from types import ModuleType
 
@@ -11,7 +13,9 @@ import numpy as np
 import pytest
 
 from codegen import compiler, loader
+from codegen.emit import emit
 from codegen.passes import program
+from codegen.passes.taylor import series_in_lanes
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.model import load_text
@@ -21,6 +25,7 @@ from hamel.build.module import published
 from hamel.settings import settings
 from hamel.simulate.exact import Problem, solution, state_of
 from tests.scenes import derived, equations_of_text
+from tests.toy import circle
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 # Everything that time, parameters and pieces can do to a force.
@@ -36,6 +41,20 @@ coordinates: {x: m}
 kinetic: 1 kg*der(x)^2/2
 forces: {x: "-4 N/m*x - 0.3 N*s^2/m^2*der(x)*abs(der(x))"}
 initial: {x: 1 m, der(x): 0 m/s}
+"""
+PHASES = """model: phases
+coordinates: {x: m, y: m}
+parameters: {a: 0 rad, om: 5 rad/s}
+kinetic: 1 kg*(der(x)^2 + der(y)^2)/2
+forces: {x: "-4 N/m*x + 1 N*sin(om*t + a)", y: "-3 N/m*y - 1 N/m^3*y*x^2 - 0.1 N*s/m*der(y)"}
+initial: {x: 0.1 m, y: 0.4 m, der(x): 0 m/s, der(y): 1 m/s}
+"""
+ESCAPE = """model: escape
+coordinates: {x: m}
+parameters: {a: 0 rad}
+kinetic: 1 kg*der(x)^2/2
+forces: {x: "2 N/m^3*x^3 + 1e-3 N*sin(1 rad/s*t + a)"}
+initial: {x: 1 m, der(x): 1 m/s}
 """
 HANGING = """model: hanging
 plane: xy
@@ -165,6 +184,112 @@ def test_the_end_of_a_piece_is_seen(tmp_path: Path) -> None:
     other = made.simulate((0.0, 5.0), x, u, p, integrator="dop853", **how)
     np.testing.assert_allclose(one.x[-1], other.x[-1], atol=1e-8)
     assert one.rejected > 0
+
+
+def test_lanes_leave_what_is_not_plain_to_the_loop_of_one(tmp_path: Path) -> None:
+    """Every third motion has the sine of an angle that lanes do not take."""
+    e = equations_of_text(PHASES)
+    made = module(e, tmp_path)
+    p = np.array([[1e17 if k % 3 == 0 else 0.1 * k, 5.0 + 0.1 * k] for k in range(21)])
+    alike_in_lanes(e, made, p, "x")
+    alike_in_lanes(e, made, p, "work", step_size=0.05)
+
+
+def alike_in_lanes(e: Equations, made: ModuleType, p: np.ndarray, what: str, **how: float) -> None:
+    """Rows and counts are those of one motion at a time."""
+    assert series_in_lanes(program(e))
+    x = start(e)[0]
+    many = made.simulate((0.1, 4.0), x, None, p, integrator="taylor", **how)
+    ones = [made.simulate((0.1, 4.0), x, None, row, integrator="taylor", **how) for row in p]
+    wanted = [getattr(one, what) for one in ones]
+    np.testing.assert_allclose(getattr(many, what), wanted, rtol=1e-12, atol=1e-13)
+    assert [*many.steps] == [one.steps for one in ones]
+    assert [*many.calls] == [one.calls for one in ones]
+
+
+def test_symmetric_starts_in_lanes(hanging: tuple[Equations, ModuleType]) -> None:
+    """From rest, more terms are looked at in the first step, and in no other."""
+    e, made = hanging
+    x = start(e)[0] + np.linspace(0.0, 2.0, 17)[:, np.newaxis] * [1.0, 0.5, 0.0, 0.0]
+    for rtol in (1e-3, 1e-5, 1e-8, 1e-12):
+        how = {"integrator": "taylor", "rtol": rtol, "atol": rtol / 100}
+        many = made.simulate((0.0, 3.0), x, **how)
+        ones = [made.simulate((0.0, 3.0), row, **how) for row in x]
+        np.testing.assert_allclose(many.x, [one.x for one in ones], rtol=1e-10, atol=1e-11)
+        assert [*many.steps] == [one.steps for one in ones]
+
+
+def test_what_escapes_has_its_status_in_every_lane(tmp_path: Path) -> None:
+    """x'' = 2 x³ is infinite after a second."""
+    e = equations_of_text(ESCAPE)
+    made = module(e, tmp_path)
+    p = np.array([[1e17 if k % 3 == 0 else 0.1 * k] for k in range(21)])
+    x = start(e)[0]
+    with pytest.warns(RuntimeWarning, match="21 of 21 motions ended early"):
+        many = made.simulate((0.0, 4.0), x, None, p, integrator="taylor")
+    for k in range(21):
+        with pytest.raises(made.Stopped) as stopped:
+            made.simulate((0.0, 4.0), x, None, p[k], integrator="taylor")
+        one = stopped.value.partial
+        assert many.status[k] == one.status == made.Status.STEP_TOO_SMALL
+        assert many.steps[k] == one.steps if k % 3 == 0 else abs(many.steps[k] - one.steps) < 4
+
+
+def test_coefficients_in_lanes_are_those_of_one(tmp_path: Path) -> None:
+    """To rounding; a pivot near zero is said of its lane alone."""
+    lanes, order = 4, 12
+    for name, source in emit(program(circle(), None, ("taylor",))).items():
+        narrow = re.sub(r"LANES = \d+", f"LANES = {lanes}", source)
+        (tmp_path / name).write_text(narrow, encoding="utf-8")
+    command = compiler.find_compiler()
+    assert command
+    compiler.compile_folder(tmp_path, "circle", command)
+    library = ctypes.CDLL(str(tmp_path / compiler.shared_library("circle")))
+    t = np.array([0.5, 1.0, 9.0 - 1e-10, 8.5])
+    angle, u, p = 0.1 * t, 0.3 + t, 1.0 + t
+    x = np.stack([np.cos(angle), np.sin(angle)])
+    room, stray = np.zeros(24 * 40 * lanes), np.zeros(lanes)
+    many, one = np.zeros((order + 1, 3, lanes)), np.zeros((order + 1, 3))
+    given = [aligned(value) for value in (t, x, u, p)]
+    many, room = made = aligned(many), aligned(room)
+    library.circle_taylor_lanes(
+        *map(address, given[:3]), None, address(given[3]), None, order, *map(address, made),
+        address(stray),
+    )  # fmt: skip
+    for k in range(lanes):
+        own = [v[..., k].copy() for v in (x, u, p)]
+        at_x, at_u, at_p = map(address, own)
+        status = library.circle_taylor(
+            ctypes.c_double(t[k]), at_x, at_u, None, at_p, None, order, address(one)
+        )
+        assert status == int(k == 2) and (stray[k] == 0.0) == (k != 2)
+        if k != 2:
+            np.testing.assert_allclose(many[:, :2, k], one[:, :2], rtol=1e-13, atol=1e-15)
+            np.testing.assert_allclose(many[1:, 2, k], one[1:, 2], rtol=1e-13, atol=1e-15)
+
+
+def address(values: np.ndarray) -> ctypes.c_void_p:
+    return ctypes.c_void_p(values.ctypes.data)
+
+
+def aligned(values: np.ndarray) -> np.ndarray:
+    """A copy that begins at a multiple of 64 bytes."""
+    room = np.zeros(values.size + 8)
+    first = -room.ctypes.data // 8 % 8
+    made = room[first : first + values.size].reshape(values.shape)
+    made[...] = values
+    return made
+
+
+def test_pieces_go_one_by_one(tmp_path: Path) -> None:
+    """Behind the same call, to the bit."""
+    e = equations_of_text(KINK)
+    assert not series_in_lanes(program(e))
+    made = module(e, tmp_path)
+    x = start(e)[0] + np.linspace(-0.5, 0.5, 11)[:, np.newaxis]
+    many = made.simulate((0.0, 3.0), x, integrator="taylor")
+    ones = [made.simulate((0.0, 3.0), row, integrator="taylor").x for row in x]
+    np.testing.assert_array_equal(many.x, ones)
 
 
 def test_not_finite_and_short_budgets_have_their_status(

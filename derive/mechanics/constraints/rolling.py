@@ -57,8 +57,8 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
 
     Disk: P = centre + r d with d = −(n − (n·e) e)/|…|, the steepest way down in the disk; torus: P
     = centre + r d − tube n; sphere: P = centre − r n. Directions: n, t₁ = e × n/|…| (forward), t₂ =
-    n × t₁; or, which is the same, the axes of the frame it is written in. In the plane a wheel has
-    n and t₁ only.
+    n × t₁; or, which is the same, the axes of the frame it is written in, or those of a wheel that
+    leans: d, t₁ and e. In the plane a wheel has n and t₁ only.
     """
     base = scene.places[constraint.carrier]
     wheel = _wheel(scene, constraint)
@@ -81,7 +81,11 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
         for k in axes_in_plane(scene, wheel.place.link)
     )  # fmt: skip
     marks = tuple(Row(row.name, 0 if i == 0 else -1, "m/s") for i, row in enumerate(rows))
-    ways = (rows, along_body) if len(along_body) == len(rows) else (rows,)
+    leaning = tuple(
+        _moving_row(normal, f"{constraint.name} {name}", links, wheel, point, way)
+        for name, way in _leaning(scene, constraint, wheel.axis, normal.letters)
+    )
+    ways = tuple(way for way in (rows, along_body, leaning) if len(way) == len(rows))
     return Block(marks, (phi,), ways)
 
 
@@ -139,6 +143,30 @@ def _contact(
         scaled(plus(dot([radius], [length]), tube), forward),
     ]
     return contact, list(zip([n, forward, sideways], turning))
+
+
+def _leaning(
+    scene: Scene, constraint: Rolling, e: Vector, n: Vector
+) -> list[tuple[str, Way]]:
+    """Down in the wheel, d, forward and along the axle, each with r × direction, by name; none for
+    a body without an axle, or on a surface.
+
+    r = ρ d − σ e with ρ = radius + tube |e × n| and σ = tube n·e: of a disk r is along d, so that
+    its turning does not enter the first row, and only its spin the second.
+    """
+    if scene.model.plane or constraint.shape == "sphere" or constraint.surface is not None:
+        return []
+    s = scene.symbols
+    forward, length = _forward(scene, constraint, e, n)
+    down, tube = cross(e, forward), s.scalar(constraint.tube)
+    rho = plus(s.scalar(constraint.radius), dot([tube], [length]))
+    beside = dot([tube], [dot(n, e)])
+    rolling_forward = sum_of(scaled(rho, e), scaled(beside, down))
+    return [
+        ("down", (down, scaled(beside, forward))),
+        ("forward", (forward, [minus(0.0, x) for x in rolling_forward])),
+        ("along the axle", (e, scaled(rho, forward))),
+    ]
 
 
 def _forward(scene: Scene, constraint: Rolling, e: Vector, n: Vector) -> tuple[Vector, Scalar]:

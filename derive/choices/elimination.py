@@ -35,7 +35,7 @@ from derive.mechanics.motion import (
     velocity_products,
     with_products,
 )
-from derive.mechanics.records import Link, RowForm, System
+from derive.mechanics.records import Carried, Link, RowForm, System
 from derive.mechanics.solve import Block, best_block, reflected_solution, small_inverse, steady
 from derive.mechanics.tree import path
 from derive.states.sampling import States
@@ -88,7 +88,7 @@ class Elimination:
 class _Walk:
     """One walk over the tree, on velocities or on their rates."""
 
-    system: System
+    system: System | Carried
     rows: Sequence[RowForm]
     sides: Sequence[Form]  # what each row equals
     known: dict[int, Form]  # generalized velocities given outright
@@ -179,7 +179,7 @@ class _Walk:
 
 
 def elimination(
-    system: System,
+    system: System | Carried,
     rows: Sequence[RowForm],
     speeds: Sequence[RowForm],
     w: ca.SX,
@@ -201,17 +201,25 @@ def elimination(
     # constraint rows equal c, speed rows equal w
     sides = [constant(row.value) for row in rows] + [{("w", k): 1.0} for k in range(len(speeds))]
     waiting = [i for i in range(len(everything)) if not (i >= len(rows) and _single(everything[i]))]
-    known = {j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()}
+    known: dict[int, Form] = {
+        j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()
+    }
+    frame = system.frame if isinstance(system, Carried) else None
+    if frame:
+        known[frame.column] = {}  # neither row nor mass feels how the frame itself turns
     walk = _Walk(system, everything, sides, known)
     plan = _velocities(walk, waiting, len(rows), _Coefficients(system, sampled, sizes))
     values: dict[Key, Scalar] = {("w", k): w[k] for k in range(len(speeds))}
     forms = [walk.resolved(walk.joints[j]) for j in range(system.v.numel())]
     unknown = {key[1] for form in forms for key in form if key[0] == "v"}
     if unknown:
-        raise Undetermined(system.model.velocities[min(unknown)].name)
+        raise Undetermined(system.labels[min(unknown)])
     v = [value(form, values) for form in forms]
     twists = [walk.resolved_twist(i) for i in range(len(system.links))]
     numbers = _numbers(system.links, twists, v, values)
+    if frame:
+        v[frame.column] = frame.rate(v[frame.beside])
+        numbers = frame.turning(numbers, v)
     rates = _rates(system, walk, plan, numbers, v)
     sigma = [rates.resolved(rates.joints[j]).get(ONE, 0.0) for j in range(system.v.numel())]
     bias = [rates.resolved_twist(i) for i in range(len(system.links))]
@@ -292,7 +300,7 @@ def _others_may_help(
     return any(unknown & _speaks_of(walk.system, walk.rows[i]) for i in waiting if i not in ready)
 
 
-def _speaks_of(system: System, row: RowForm) -> set[int]:
+def _speaks_of(system: System | Carried, row: RowForm) -> set[int]:
     carried = {
         j
         for term in row.terms
@@ -333,7 +341,7 @@ def _idle(
 
 
 def _rates(
-    system: System, first: _Walk, plan: list[list[Step]], numbers: list[Numbers], v: list[Scalar]
+    system: System | Carried, first: _Walk, plan: list[list[Step]], numbers: list[Numbers], v: list[Scalar]
 ) -> _Walk:
     """The second walk: rates at ẇ = 0, with the velocity products beside the same forms and the
     same pivots."""
@@ -350,9 +358,10 @@ def _rates(
     here = [_in_numbers(row, system, symbols) for row in first.rows]
     _enter_free_velocities(walk)
     _follow(walk, plan[0], here, numbers)
+    joint_rates = system.frame.relative(v) if isinstance(system, Carried) else v
     for i, link in enumerate(system.links):
         parent = numbers[link.parent] if link.parent >= 0 else STILL
-        products = velocity_products(link, parent, [v[j] for j in link.columns])
+        products = velocity_products(link, parent, [joint_rates[j] for j in link.columns])
         walk.enter(
             link, with_products(parent_part(link, walk.resolved_twist(link.parent)), products)
         )
@@ -360,7 +369,7 @@ def _rates(
     return walk
 
 
-def _in_numbers(row: RowForm, system: System, v: ca.SX) -> RowForm:
+def _in_numbers(row: RowForm, system: System | Carried, v: ca.SX) -> RowForm:
     """The row with the generalized velocities inside its rates replaced by their values."""
     terms = tuple(
         replace(
@@ -376,7 +385,7 @@ def _in_numbers(row: RowForm, system: System, v: ca.SX) -> RowForm:
     return replace(row, terms=terms)
 
 
-def _substituted(vector: list[Scalar], system: System, v: ca.SX) -> list[Scalar]:
+def _substituted(vector: list[Scalar], system: System | Carried, v: ca.SX) -> list[Scalar]:
     return [ca.substitute(x, system.v, v) if isinstance(x, ca.SX) else x for x in vector]
 
 
@@ -427,7 +436,7 @@ class _RowAtSamples:
 class _Coefficients:
     """Coefficients at sampled consistent states."""
 
-    def __init__(self, system: System, sampled: States, sizes: Sequence[float]) -> None:
+    def __init__(self, system: System | Carried, sampled: States, sizes: Sequence[float]) -> None:
         self.sizes = sizes
         self.symbols = [system.t, system.q, system.p]
         self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
@@ -489,10 +498,10 @@ class _Coefficients:
         return tuple(rows[i] for i in block.rows), tuple(keys[j] for j in block.columns), block
 
 
-def transformation(found: Elimination, nw: int) -> ca.SX:
-    """S as an nv × nw matrix, zeros not stored."""
-    result = ca.SX(len(found.speeds), nw)
-    for j, form in enumerate(found.speeds):
+def transformation(speeds: Sequence[Form], nw: int) -> ca.SX:
+    """S as a matrix with nw columns, zeros not stored, from forms of the generalized velocities."""
+    result = ca.SX(len(speeds), nw)
+    for j, form in enumerate(speeds):
         for key, coefficient in form.items():
             if key[0] == "w":
                 result[j, key[1]] = coefficient

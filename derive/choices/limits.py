@@ -31,6 +31,7 @@ LOOKED_AT = 10  # states
 DEPENDENT = 1e-9  # smaller singular values of rows of length one are zero
 
 # resolution
+SETTLED = 1e-13  # a coefficient that is nowhere farther than this from 0, 1 or −1 is that number
 NAMED = 1e-6  # the least weight with which a row is named among those that depend on each other
 # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
 REGULAR = 1e-3

@@ -13,8 +13,11 @@ import numpy as np
 from derive.choices.elimination import Elimination, Step, elimination, transformation
 from derive.choices.limits import SINGULAR
 from derive.choices.records import Frame, Guard
+from derive.expressions.scalars import Scalar
 from derive.mechanics.limits import COFACTORS
-from derive.mechanics.records import RowForm, System
+from derive.mechanics.forms import Form
+from derive.mechanics.motion import Numbers
+from derive.mechanics.records import Carried, RowForm, System
 from derive.states.closing import Kinematics
 from derive.states.sampling import States
 
@@ -36,6 +39,7 @@ class Reduction:
     kept: tuple[int, ...]  # indices of the constraint rows that are independent
     constant_pivots: bool
     frame: Frame | None = None  # on whose symbols all of it depends
+    tree: Carried | None = None  # what was walked, where that are not the system's own links
 
     def at_frame(self, expression: ca.SX) -> ca.SX:
         """An expression with the usual numbers in the place of the frame."""
@@ -52,27 +56,55 @@ def by_elimination(
     sampled: States,
     kept: tuple[int, ...],
     sizes: Sequence[float],
+    other: tuple[Carried, Sequence[RowForm]] | None = None,
 ) -> Reduction:
     """The reduction for speed rows and constraint rows in one way of writing them; `kept` rows of A
     are independent. S is nv × nw, σ is nv × 1, guards are the pivots that vary. Raises Dependent
-    and Undetermined as `elimination` does."""
+    and Undetermined as `elimination` does. `other` is another tree to walk, of which `rows` are,
+    and the speeds over its velocities."""
     w = symbols_for(names)
-    result = elimination(system, rows, speeds, w, sampled, sizes)
+    tree, own = other or (system, speeds)
+    result = elimination(tree, rows, own, w, sampled, sizes)
+    forms, v, sigma = _of_the_system(tree, result)
     return Reduction(
         names=names,
         w=w,
         B=_matrix(speeds, system.v.numel()),
-        S=transformation(result, len(names)),
-        v=ca.vertcat(*result.v) if result.v else ca.SX(0, 1),
-        sigma=ca.vertcat(*result.sigma) if result.sigma else ca.SX(0, 1),
+        S=transformation(forms, len(names)),
+        v=ca.vertcat(*v) if v else ca.SX(0, 1),
+        sigma=ca.vertcat(*sigma) if sigma else ca.SX(0, 1),
         walked=result,
         guards=tuple(
-            _guard(system, result, step, sampled) for step in result.steps if step.block.grade == 2
+            _guard(tree, result, step, sampled) for step in result.steps if step.block.grade == 2
         ),
-        pivots=tuple(_in_words(system, result, step) for step in result.steps),
+        pivots=tuple(_in_words(tree, result, step) for step in result.steps),
         kept=kept,
         constant_pivots=all(step.block.grade < 2 for step in result.steps),
+        tree=other[0] if other else None,
     )
+
+
+def _of_the_system(
+    tree: System | Carried, result: Elimination
+) -> tuple[Sequence[Form], list[Scalar], list[Scalar]]:
+    """The forms of v, their values and σ: those of a further frame's velocities make place for the
+    twist of the body in it."""
+    if isinstance(tree, System):
+        return result.speeds, result.v, result.sigma
+    first, body = tree.columns[0], tree.body
+    last = first + len(tree.columns) + 1
+    omega, velocity = result.twists[body]
+    parts = [
+        (result.speeds, [*velocity, *omega]),
+        (result.v, _six(result.numbers[body])),
+        (result.sigma, _six(result.rates[body])),
+    ]
+    forms, v, sigma = ([*own[:first], *of_body, *own[last:]] for own, of_body in parts)
+    return forms, v, sigma
+
+
+def _six(twist: Numbers) -> list[Scalar]:
+    return [*twist[1], *twist[0]]
 
 
 def unreduced(system: System, names: tuple[str, ...]) -> Reduction:
@@ -97,7 +129,7 @@ def _matrix(speeds: Sequence[RowForm], nv: int) -> ca.SX:
     return B
 
 
-def _guard(system: System, found: Elimination, step: Step, sampled: States) -> Guard:
+def _guard(system: System | Carried, found: Elimination, step: Step, sampled: States) -> Guard:
     """|pivot| against SINGULAR of its largest value at the sampled states."""
     names = ", ".join(found.row_names[i] for i in step.rows)
     pivot = ca.SX(step.pivot)
@@ -110,7 +142,7 @@ def _guard(system: System, found: Elimination, step: Step, sampled: States) -> G
     return Guard(f"pivot of {names}", pivot, SINGULAR * largest)
 
 
-def _in_words(system: System, found: Elimination, step: Step) -> str:
+def _in_words(system: System | Carried, found: Elimination, step: Step) -> str:
     rows = " and ".join(found.row_names[i] for i in step.rows)
     unknowns = " and ".join(_unknown(system, key[1]) for key in step.keys)
     block = step.block
@@ -122,8 +154,8 @@ def _in_words(system: System, found: Elimination, step: Step) -> str:
     return f"{rows} {'give' if len(step.rows) > 1 else 'gives'} {unknowns} (pivot: {kind})"
 
 
-def _unknown(system: System, j: int) -> str:
+def _unknown(system: System | Carried, j: int) -> str:
     link = next((x for x in system.links if j in x.columns), None)
     if link is not None and link.turns_about >= 0:
         return f"the angular velocity of {link.name}"
-    return system.model.velocities[j].name
+    return system.labels[j]

@@ -9,7 +9,7 @@ operations of ẋ.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import comb
 
@@ -18,14 +18,15 @@ import numpy as np
 
 from derive.choices.elimination import Dependent, Undetermined
 from derive.choices.explicit import Explicit, explicit
-from derive.choices.limits import FINALISTS, MOST_SUBSETS, NAMED, REGULAR
+from derive.choices.limits import FINALISTS, MOST_SUBSETS, NAMED, REGULAR, SETTLED
 from derive.choices.orthonormal import orthonormal
 from derive.choices.reduction import Reduction, by_elimination, unreduced
-from derive.choices.survey import Survey, even_rows, row_lengths, speed_name
+from derive.choices.survey import Survey, even_rows, row_lengths, speed_name, ways_of
 from derive.diagnostics import NAMES, AssumptionError, listed
 from derive.expressions.counting import alternatives
+from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_one
-from derive.mechanics.records import RowForm, System
+from derive.mechanics.records import Carried, RowForm, System
 from derive.mechanics.rows import velocity_row
 from derive.model.records import Choice
 from derive.numerics import NONZERO
@@ -163,6 +164,39 @@ def speed_rows(system: System, choice: Choice) -> list[RowForm]:
     return result
 
 
+def _rows_over(survey: Survey, tree: Carried, rows: Sequence[RowForm]) -> list[RowForm]:
+    """Speed rows over the velocities of a tree with a further frame."""
+    system = survey.system
+    over = replace(system.symbols, v=tree.v)
+    result: list[RowForm] = []
+    for row in rows:
+        velocity = ca.SX(0)
+        for j, coefficient in row.coefficients:
+            velocity += coefficient * tree.speeds[j]
+        coefficients, _, rate = velocity_row(over, tree.qdot, velocity)
+        settled = _settled(survey, coefficients)
+        moves = any(isinstance(x, ca.SX) and not x.is_constant() for _, x in settled)
+        result.append(RowForm(row.name, (), settled, 0.0, rate if moves else 0.0))
+    return result
+
+
+def _settled(
+    survey: Survey, coefficients: Sequence[tuple[int, Scalar]]
+) -> tuple[tuple[int, Scalar], ...]:
+    """Coefficients with 0, 1 or −1 in the place of those that are that at all sampled states: cos² +
+    sin² of an angle that a frame was turned by and back."""
+    s, result = survey.sampled, list[tuple[int, Scalar]]()
+    for j, x in coefficients:
+        values = survey.solver.values(ca.SX(x), s.t, s.q, s.p)
+        nearest = float(np.round(values.flat[0]))
+        known = abs(nearest) <= 1 and np.max(np.abs(values - nearest)) < SETTLED
+        if not known:
+            result.append((j, x))
+        elif nearest:
+            result.append((j, nearest))
+    return tuple(result)
+
+
 def carried_out(
     survey: Survey, name: str, kind: str, rows: Sequence[RowForm], reason: str
 ) -> Resolved:
@@ -183,12 +217,16 @@ def carried_out(
         survey.sampled_for(B),
     )
     ways = _in_every_way(survey, names, rows, sampled, sizes)
-    counts = alternatives([ca.vertcat(x.v, x.sigma) for x in ways])
-    best = min(
-        range(len(ways)),
-        key=lambda k: (not ways[k].constant_pivots, len(ways[k].guards), counts[k]),
-    )
-    reduction, equations = ways[best], explicit(survey.system, ways[best])
+    reduction = _shortest(ways)
+    equations = explicit(survey.system, reduction)
+    for tree in survey.system.carried if survey.system.rows and not survey.combines else ():
+        other = _in_every_way(survey, names, rows, sampled, sizes, tree)
+        if not other:
+            continue
+        shortest = _shortest(other)
+        found = explicit(survey.system, shortest)
+        if (_risk(shortest), found.operations) < (_risk(reduction), equations.operations):
+            reduction, equations = shortest, found
     ranking = judged(survey, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
 
@@ -199,21 +237,35 @@ def _in_every_way(
     rows: Sequence[RowForm],
     sampled: States,
     sizes: Sequence[float],
+    tree: Carried | None = None,
 ) -> list[Reduction]:
     """The elimination with the constraint rows in every way of writing them that says as much as
     the first: of rows that repeat each other, others may be the ones to drop about other axes."""
     reductions: list[Reduction] = []
     refused: Dependent | Undetermined | None = None
-    for forms in survey.forms:
+    other = (tree, _rows_over(survey, tree, rows)) if tree else None
+    for forms in ways_of(tree.blocks) if tree else survey.forms:
         try:
             reductions.append(
-                by_elimination(survey.system, names, rows, forms, sampled, survey.kept, sizes)
+                by_elimination(
+                    survey.system, names, rows, forms, sampled, survey.kept, sizes, other
+                )
             )
         except (Dependent, Undetermined) as error:
             refused = refused or error
-    if refused and not reductions:
+    if refused and not reductions and not tree:
         raise refused
     return reductions
+
+
+def _risk(reduction: Reduction) -> tuple[bool, int]:
+    return not reduction.constant_pivots, len(reduction.guards)
+
+
+def _shortest(ways: Sequence[Reduction]) -> Reduction:
+    """Of those with the safest pivots the one with the fewest operations."""
+    counts = alternatives([ca.vertcat(x.v, x.sigma) for x in ways])
+    return ways[min(range(len(ways)), key=lambda k: (_risk(ways[k]), counts[k]))]
 
 
 def _are_the_base(rows: Sequence[RowForm]) -> bool:

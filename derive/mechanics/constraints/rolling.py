@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -43,12 +43,14 @@ Way = tuple[Vector, Vector]  # a direction, and r × direction, r from the centr
 class Wheel:
     """The body as its rows are written: in the frame of its link or, where it turns about its own
     axis on another link, in that link's, which does not spin with it. `axis` and `centre` in that
-    frame; `spin`: the velocity of that turn and its motion, −1 where there is none."""
+    frame; `spinning`: the link that turns about the axis, which is `own_axis` there, −1 where it is
+    that of `place`."""
 
     place: Place
     axis: Vector
     centre: Vector
-    spin: tuple[int, Vector] = (-1, NOTHING)
+    spinning: int = -1
+    own_axis: Vector = field(default_factory=lambda: NOTHING)
 
 
 def rolling(scene: Scene, constraint: Rolling) -> Block:
@@ -61,7 +63,7 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
     leans: d, t₁ and e. In the plane a wheel has n and t₁ only.
     """
     base = scene.places[constraint.carrier]
-    wheel = _wheel(scene, constraint)
+    wheel = wheel_of(scene, constraint)
     back = _from_carrier(scene, wheel.place, base)
     foot = _foot(scene, constraint)
     # the normal of a surface changes from place to place, that of a plane with its body alone
@@ -89,18 +91,20 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
     return Block(marks, (phi,), ways)
 
 
-def _wheel(scene: Scene, constraint: Rolling) -> Wheel:
-    s, place = scene.symbols, scene.places[constraint.body]
-    axis = link_direction(place, s.vector(constraint.axis))
-    centre = link_point(place, s.vector(constraint.centre))
-    link = scene.links[place.link] if place.link >= 0 else None
-    if link is None or link.parent < 0 or not _spins(link, axis, difference(centre, link.b)):
-        return Wheel(place, axis, centre)
-    still = matrix(tuple(x for x in link.rotation if isinstance(x, Still)))
-    middle = sum_of(link.a, rotated(still, difference(centre, link.b)))
-    motion = rotated(still, list(link.motion[0][:3]))
-    return Wheel(Place(link.parent, (), NOTHING), rotated(still, axis), middle,
-                 (link.columns[0], motion))  # fmt: skip
+def wheel_of(scene: Scene, constraint: Rolling) -> Wheel:
+    """From link to link as long as each turns about the axis of the body, through its centre."""
+    s, own = scene.symbols, scene.places[constraint.body]
+    axis = own_axis = link_direction(own, s.vector(constraint.axis))
+    centre, place = link_point(own, s.vector(constraint.centre)), own
+    while place.link >= 0:
+        link = scene.links[place.link]
+        if link.parent < 0 or not _spins(link, axis, difference(centre, link.b)):
+            break
+        still = matrix(tuple(x for x in link.rotation if isinstance(x, Still)))
+        centre = sum_of(link.a, rotated(still, difference(centre, link.b)))
+        axis, place = rotated(still, axis), Place(link.parent, (), NOTHING)
+    spinning = -1 if place.link == own.link else own.link
+    return Wheel(place, axis, centre, spinning, own_axis)
 
 
 def _spins(link: Link, axis: Vector, centre: Vector) -> bool:
@@ -289,6 +293,12 @@ def _moving_row(
     given in the wheel's frame."""
     scene, (link, carrier) = normal.scene, links
     terms = [_moving_term(normal, link, wheel.centre, way)]
+    if wheel.spinning >= 0:
+        along = dot(way[1], wheel.axis)
+        terms = [_moving_term(normal, link, wheel.centre, (way[0], _across(way[1], wheel.axis)))]
+        if not is_zero(along):
+            spin = (NOTHING, scaled(along, wheel.own_axis))
+            terms.append(_moving_term(normal, wheel.spinning, NOTHING, spin))
     if carrier >= 0:
         turned = matrix(relative_rotation(scene.links, carrier, link))
         ground = sum_of(scene.positions[link], rotated(scene.rotations[link], point))
@@ -296,12 +306,14 @@ def _moving_row(
         inside = rotated(transpose(scene.rotations[carrier]), gap)
         opposite: Vector = [minus(0.0, x) for x in rotated(turned, way[0])]
         terms.append(_moving_term(normal, carrier, inside, (opposite, NOTHING)))
-    j, motion = wheel.spin
-    spinning = 0.0 if j < 0 else dot(motion, way[1])
-    if is_zero(spinning):
-        return RowForm(name, tuple(terms))
-    (here,), (rate,) = normal.put_in([spinning]), normal.rate([spinning])
-    return RowForm(name, tuple(terms), ((j, here),), 0.0, -dot([rate], [scene.symbols.v[j]]))
+    return RowForm(name, tuple(terms))
+
+
+def _across(x: Vector, axis: Vector) -> Vector:
+    """What of x is at right angles to a unit axis."""
+    if sum(not is_zero(e) for e in axis) == 1:
+        return [a if is_zero(e) else 0.0 for a, e in zip(x, axis)]
+    return difference(x, scaled(dot(x, axis), axis))
 
 
 def _moving_term(normal: _Normal, link: int, point: Vector, way: Way) -> TwistTerm:

@@ -1,0 +1,224 @@
+"""A free body that rolls, written with one frame more: one that leans with the wheel and does not
+turn with it.
+
+Of a free joint with Euler angles about i, j, k, where e_k is the axle of a wheel, the frame before
+the last turn is put at the wheel's centre c. In it the normal of the ground depends on the second
+angle alone and the wheel's centre is at rest. Velocities are the centre's and
+
+    ω·e_j = θ̇₂,   ω·e_a (a is neither j nor k),   Ω = ω·e_k of the body:
+
+the body's own twist, in other axes and at another point, so that M, A and S only look different. At
+which rate the frame itself turns about e_k follows from the attitude,
+
+    ω_k = (f·e_k / f·e_a) ω_a,   f = R_jᵀ e_i,
+
+and only velocity products know of it: the frame has no mass, and no row speaks of that turning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+
+from derive.expressions.scalars import Scalar, Vector
+from derive.joints import joint_type
+from derive.joints.records import Turn
+from derive.joints.rotations import (
+    UNIT,
+    cross,
+    is_zero,
+    matrix,
+    rotated,
+    sum_of,
+    transpose,
+)
+from derive.mechanics.blocks import blocks
+from derive.mechanics.constraints.rolling import wheel_of
+from derive.mechanics.links import NOTHING, ORIGIN, regrouped
+from derive.mechanics.motion import Numbers
+from derive.mechanics.records import Carried, Link, Place, Spinless
+from derive.mechanics.scene import Scene
+from derive.mechanics.tree import twists
+from derive.model.constraint_records import Rolling
+from derive.model.records import Joint
+
+FREE = 6  # velocities of a free joint
+
+
+@dataclass(frozen=True)
+class _Base:
+    """The free joint: its link, where its coordinates begin, and the letters of its angles."""
+
+    joint: Joint
+    link: int
+    start: int
+    sequence: str
+
+
+@dataclass(frozen=True)
+class _Carrying(Scene):
+    """A scene whose frame without spin turns at a rate of its own."""
+
+    frame: Spinless | None = None
+
+    @cached_property
+    def numbers(self) -> list[Numbers]:
+        v = [self.symbols.v[i] for i in range(self.symbols.v.numel())]
+        assert self.frame is not None
+        return self.frame.turning(twists(self.links, self.frame.still(v)), v)
+
+
+def carried(scene: Scene, gravity: Vector) -> tuple[Carried, ...]:
+    """One for every free body with Euler angles that a wheel turns about the last axis of; none
+    where there is no such wheel."""
+    found = ((base, _centre(scene, base)) for base in _bases(scene))
+    return tuple(_with_frame(scene, base, c, gravity) for base, c in found if c is not None)
+
+
+def _bases(scene: Scene) -> list[_Base]:
+    coordinates = [c.name for c in scene.model.coordinates]
+    result: list[_Base] = []
+    for joint in scene.model.joints:
+        if joint_type(joint.type, joint.orientation).name != "free":
+            continue
+        sequence = joint.orientation or "zyx"
+        link = scene.places[joint.child].link
+        if sequence != "quaternion" and _is_plain(scene, link, sequence):
+            start = coordinates.index(joint.coordinates[0])
+            result.append(_Base(joint, link, start, sequence))
+    return result
+
+
+def _is_plain(scene: Scene, i: int, sequence: str) -> bool:
+    """Whether the link moves in the ground's axes and its frame is the joint's."""
+    link = scene.links[i]
+    turns = [x.axis for x in link.rotation if isinstance(x, Turn)]
+    plain = len(link.rotation) == len(turns) and turns == [UNIT[letter] for letter in sequence]
+    return plain and link.parent < 0 and all(is_zero(x) for x in link.b)
+
+
+def _centre(scene: Scene, base: _Base) -> Vector | None:
+    """Of the first wheel whose axle is the last axis of the free joint, in the body's link."""
+    k = "xyz".index(base.sequence[2])
+    moving = ca.vertcat(scene.symbols.t, scene.symbols.q)
+    for constraint in scene.model.constraints:
+        if not isinstance(constraint, Rolling) or constraint.shape == "sphere":
+            continue
+        found = wheel_of(scene, constraint)
+        along = all(is_zero(x) for i, x in enumerate(found.axis) if i != k)
+        still = not ca.depends_on(ca.vertcat(*found.centre), moving)
+        if found.place.link == base.link and along and still:
+            return found.centre
+    return None
+
+
+def _with_frame(scene: Scene, base: _Base, centre: Vector, gravity: Vector) -> Carried:
+    s, i = scene.symbols, base.link
+    first = scene.links[i].columns[0]
+    own = [ca.SX.sym(f"frame_{x}") for x in ("vx", "vy", "vz", "wx", "wy", "wz", "spin")]
+    v = ca.vertcat(s.v[:first], *own, s.v[first + FREE :])
+    links = _links(scene, base, centre)
+    frame = _frame(base, first, links[i])
+    columns = tuple(range(first, first + FREE))
+    # v over v': the body's twist, and all others as they are
+    twist = twists(links, frame.still([v[j] for j in range(v.numel())]))[i + 1]
+    speeds = ca.vertcat(s.v[:first], *twist[1], *twist[0], s.v[first + FREE :])
+    names = {name: _over(x, s.v, speeds) for name, x in s.names.items()}
+    symbols = replace(s, v=v, names=names)
+    qdot = _rates(scene, base, links, frame, v)
+    places = {name: _shifted(place, i) for name, place in scene.places.items()}
+    new = _Carrying(scene.model, symbols, qdot, links, places, frame)
+    labels = [x.name for x in scene.model.velocities]
+    here = f"{base.joint.child} at its wheel"
+    labels[first : first + FREE] = [f"{here}.{x}" for x in ("vx", "vy", "vz", "wx", "wy", "wz")]
+    labels.insert(first + FREE, f"{here}.spin")
+    return Carried(
+        s.t,
+        s.q,
+        s.p,
+        v,
+        tuple(labels),
+        links,
+        (tuple(link.inertia for link in links), regrouped(links)),
+        tuple(block.ways for block in blocks(new)),
+        gravity,
+        speeds,
+        qdot,
+        frame,
+        i + 1,
+        columns,
+    )
+
+
+def _over(x: Scalar, v: ca.SX, speeds: ca.SX) -> Scalar:
+    return ca.substitute(x, v, speeds) if isinstance(x, ca.SX) and ca.depends_on(x, v) else x
+
+
+def _shifted(place: Place, i: int) -> Place:
+    return place if place.link < i else replace(place, link=place.link + 1)
+
+
+def _links(scene: Scene, base: _Base, centre: Vector) -> tuple[Link, ...]:
+    """With the frame before the body, which turns in it about the centre."""
+    i, old = base.link, scene.links[base.link]
+    first, k = old.columns[0], "xyz".index(base.sequence[2])
+    place = sum_of(old.a, rotated(old.R, centre))
+    axes = [[1.0 if x == y else 0.0 for y in range(3)] for x in range(3)]
+    motion = (*([0.0] * 3 + e for e in axes), *(e + [0.0] * 3 for e in axes))
+    leaning = old.rotation[:2]
+    columns = tuple(range(first, first + FREE))
+    frame = Link(
+        f"{old.name} without its spin", -1, leaning, matrix(leaning), place, ORIGIN, motion,
+        columns, -1, NOTHING,
+    )  # fmt: skip
+    spinning = old.rotation[2:]
+    body = replace(
+        old, parent=i, rotation=spinning, R=matrix(spinning), a=ORIGIN, b=centre,
+        motion=([*axes[k], 0.0, 0.0, 0.0],), columns=(first + FREE,), turns_about=k,
+    )  # fmt: skip
+    others = [_moved(link, i, first) for link in scene.links]
+    return (*others[:i], frame, body, *others[i + 1 :])
+
+
+def _moved(link: Link, i: int, first: int) -> Link:
+    columns = tuple(j if j < first else j + 1 for j in link.columns)
+    return replace(link, parent=link.parent if link.parent < i else link.parent + 1, columns=columns)
+
+
+def _frame(base: _Base, first: int, link: Link) -> Spinless:
+    j, k = ("xyz".index(letter) for letter in base.sequence[1:])
+    a = 3 - j - k
+    turned = _first_axis(base, link)
+    angular = first + 3
+    return Spinless(base.link, k, angular + a, angular + k, first + FREE, turned[a], turned[k])
+
+
+def _first_axis(base: _Base, link: Link) -> Vector:
+    """f = R_jᵀ e_i, the axis of the first turn in the frame."""
+    return rotated(transpose(matrix(link.rotation[1:])), UNIT[base.sequence[0]])
+
+
+def _rates(
+    scene: Scene, base: _Base, links: Sequence[Link], frame: Spinless, v: ca.SX
+) -> ca.SX:
+    """q̇ over v'. The body's origin is at −R_k c from the wheel's centre."""
+    link, body = links[base.link], links[base.link + 1]
+    velocity, omega = (
+        [v[j] for j in link.columns[:3]],
+        [v[body.columns[0]] if j == frame.column else v[j] for j in link.columns[3:]],
+    )
+    arm = [-x for x in rotated(body.R, body.b)]
+    moved = rotated(link.R, sum_of(velocity, cross(omega, arm)))
+    turning = frame.rate(v[frame.beside])
+    middle = "xyz".index(base.sequence[1])
+    angles = [
+        v[frame.beside] / frame.along,
+        v[link.columns[3 + middle]],
+        v[frame.spin] - turning,
+    ]
+    result = ca.SX(scene.qdot)
+    result[base.start : base.start + FREE] = ca.vertcat(*moved, *angles)
+    return result

@@ -24,6 +24,7 @@ from derive.joints.rotations import (
     rotated,
     scaled,
     sum_of,
+    times,
     transpose,
 )
 from derive.mechanics.constraints.records import Tie
@@ -83,10 +84,7 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
         for k in axes_in_plane(scene, wheel.place.link)
     )  # fmt: skip
     marks = tuple(Row(row.name, 0 if i == 0 else -1, "m/s") for i, row in enumerate(rows))
-    leaning = tuple(
-        _moving_row(normal, f"{constraint.name} {name}", links, wheel, point, way)
-        for name, way in _leaning(scene, constraint, wheel.axis, normal.letters)
-    )
+    leaning = _leaning_rows(normal, constraint, wheel, base.link)
     ways = tuple(way for way in (rows, along_body, leaning) if len(way) == len(rows))
     return Block(marks, (phi,), ways)
 
@@ -135,7 +133,8 @@ def _contact(
         contact = [dot([-radius], [x]) for x in n]
         directions = _directions(scene, constraint, back, n)
         return contact, [(d, cross(contact, d)) for d in directions]
-    forward, length = _forward(scene, constraint, e, n)
+    lean = _lean(scene, constraint, e, n)
+    forward, length = scaled(lean.side, lean.forward), times(lean.side, lean.length)
     tube, sideways = s.scalar(constraint.tube), cross(n, forward)
     contact = difference(scaled(radius, cross(e, forward)), scaled(tube, n))
     if constraint.surface is not None:
@@ -149,39 +148,99 @@ def _contact(
     return contact, list(zip([n, forward, sideways], turning))
 
 
-def _leaning(
-    scene: Scene, constraint: Rolling, e: Vector, n: Vector
-) -> list[tuple[str, Way]]:
-    """Down in the wheel, d, forward and along the axle, each with r × direction, by name; none for
-    a body without an axle, or on a surface.
+@dataclass(frozen=True)
+class Lean:
+    """How a wheel stands on a plane: e along the axle, forward f = e × n/ℓ, down d = e × f, so that
+    n = −ℓ d + ν e. ℓ is ±|e × n|, whichever is a smooth function, and `side` its sign."""
 
-    r = ρ d − σ e with ρ = radius + tube |e × n| and σ = tube n·e: of a disk r is along d, so that
-    its turning does not enter the first row, and only its spin the second.
-    """
-    if scene.model.plane or constraint.shape == "sphere" or constraint.surface is not None:
-        return []
-    s = scene.symbols
-    forward, length = _forward(scene, constraint, e, n)
-    down, tube = cross(e, forward), s.scalar(constraint.tube)
-    rho = plus(s.scalar(constraint.radius), dot([tube], [length]))
-    beside = dot([tube], [dot(n, e)])
-    rolling_forward = sum_of(scaled(rho, e), scaled(beside, down))
-    return [
-        ("down", (down, scaled(beside, forward))),
-        ("forward", (forward, [minus(0.0, x) for x in rolling_forward])),
-        ("along the axle", (e, scaled(rho, forward))),
-    ]
+    axle: Vector
+    forward: Vector
+    down: Vector
+    length: Scalar
+    along: Scalar
+    side: Scalar
 
 
-def _forward(scene: Scene, constraint: Rolling, e: Vector, n: Vector) -> tuple[Vector, Scalar]:
-    """e × n/|e × n|, and that length. AssumptionError for a disk that lies flat on the plane
-    however the body moves: it has no lowest point."""
+def _lean(scene: Scene, constraint: Rolling, e: Vector, n: Vector) -> Lean:
+    """AssumptionError for a disk that lies flat on the plane however the body moves: it has no
+    lowest point."""
     across = cross(e, n)
     size = dot(across, across)
     if isinstance(size, float) and size < FLAT**2:
         raise AssumptionError(_flat(scene, constraint))
-    length = ca.sqrt(size)
-    return [x / length if not is_zero(x) else 0.0 for x in across], length
+    entries = [x for x in across if not is_zero(x)]
+    length, side = ca.sqrt(size), 1.0
+    if len(entries) == 1:  # the length is |x|: x itself has a slope where that has none
+        length, side = entries[0], ca.sign(entries[0])
+        forward: Vector = [0.0 if is_zero(x) else 1.0 for x in across]
+    else:
+        forward = [0.0 if is_zero(x) else x / length for x in across]
+    return Lean(e, forward, cross(e, forward), length, dot(n, e), side)
+
+
+def _leaning_rows(
+    normal: _Normal, constraint: Rolling, wheel: Wheel, carrier: int
+) -> tuple[RowForm, ...]:
+    """Rows down in the wheel, forward and along the axle; none for a body without an axle, or on
+    what is not the ground's plane.
+
+    r = ρ d − σ e with ρ = ±radius + tube ℓ and σ = tube ν: of a disk r is along d, so that its
+    turning does not enter the first row, and only its spin the second. Their rates are those where
+    the contact is at rest: r' × direction, with d' = β f, β = ω·e + (ν/ℓ) ω·d,
+
+        r' = −tube ν (ω·f) d + ρ β f − tube ℓ (ω·f) e.
+    """
+    scene, ground = normal.scene, constraint.surface is None and carrier < 0
+    if scene.model.plane or constraint.shape == "sphere" or not ground or wheel.place.link < 0:
+        return ()
+    s, x = scene.symbols, _lean(scene, constraint, wheel.axis, normal.value)
+    radius, tube = s.scalar(constraint.radius), s.scalar(constraint.tube)
+    rho, sigma = plus(times(x.side, radius), dot([tube], [x.length])), dot([tube], [x.along])
+    omega = scene.omegas[wheel.place.link]
+    turning = plus(dot(omega, x.axle), dot([x.along / x.length], [dot(omega, x.down)]))
+    if all(isinstance(a, float) for a in x.forward):
+        turning = 0.0  # its place in the frame is fixed
+    slope = minus(0.0, dot([tube], [dot(omega, x.forward)]))
+    inward, sideways = dot([slope], [x.along]), dot([slope], [x.length])
+    ahead = dot([rho], [turning])
+    down = (scaled(sigma, x.forward), 0.0), (scaled(minus(0.0, sideways), x.forward), ahead)
+    forward = (
+        (scaled(minus(0.0, sigma), x.down), minus(0.0, rho)),
+        (scaled(sideways, x.down), minus(0.0, inward)),
+    )
+    axle = (
+        (scaled(rho, x.forward), 0.0),
+        (difference(scaled(inward, x.forward), scaled(ahead, x.down)), 0.0),
+    )
+    ways = zip(("down", "forward", "along the axle"), (x.down, x.forward, x.axle),
+               (down, forward, axle))  # fmt: skip
+    return tuple(
+        _row_at_rest(f"{constraint.name} {name}", wheel, direction, *moments)
+        for name, direction, moments in ways
+    )
+
+
+def _row_at_rest(
+    name: str,
+    wheel: Wheel,
+    direction: Vector,
+    here: tuple[Vector, Scalar],
+    rate: tuple[Vector, Scalar],
+) -> RowForm:
+    """direction · v + moment · ω of the wheel, the moment and its rate given by what is across the
+    axle and what is along it."""
+    across, moving = here[0], rate[0]
+    terms: list[TwistTerm] = []
+    if wheel.spinning < 0:
+        across = sum_of(across, scaled(here[1], wheel.axis))
+        moving = sum_of(moving, scaled(rate[1], wheel.axis))
+    elif not is_zero(here[1]) or not is_zero(rate[1]):
+        axial, moved = (scaled(x, wheel.own_axis) for x in (here[1], rate[1]))
+        terms.append(TwistTerm(wheel.spinning, NOTHING, NOTHING, axial, "state",
+                               NOTHING, NOTHING, moved))  # fmt: skip
+    first = TwistTerm(wheel.place.link, direction, wheel.centre, across, "state",
+                      NOTHING, NOTHING, moving)  # fmt: skip
+    return RowForm(name, (first, *terms))
 
 
 def _flat(scene: Scene, constraint: Rolling) -> Diagnostic:

@@ -71,8 +71,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Elimination:
-    """v = S w + (values at w = 0), v̇ = S ẇ + σ, and the same for every link's twist."""
+    """v = S w + (values at w = 0), v̇ = S ẇ + σ, and the same for every link's twist; v of the tree
+    that was walked."""
 
+    tree: System | Carried
     speeds: tuple[Form, ...]  # of each generalized velocity, over ("w", k) and ONE
     v: list[Scalar]
     sigma: list[Scalar]
@@ -185,9 +187,11 @@ def elimination(
     w: ca.SX,
     sampled: States,
     sizes: Sequence[float],
+    short: int = SHORT,
 ) -> Elimination:
     """Solve constraint `rows` and speed rows (whose values are w) for all generalized velocities;
-    `sizes` are the rows' magnitudes, against which a coefficient counts as zero.
+    `sizes` are the rows' magnitudes, against which a coefficient counts as zero. Components of
+    twists with at most `short` terms are written as their forms, others by recursion.
 
     First walk: Y v = [c; w] gives v = S w + v₀. Second walk, with the same pivots and the velocity
     products beside the same forms: Y v̇ = [β; ẇ − Ḃ v] at ẇ = 0 gives σ, v̇ = S ẇ + σ. No inverse
@@ -216,7 +220,7 @@ def elimination(
         raise Undetermined(system.labels[min(unknown)])
     v = [value(form, values) for form in forms]
     twists = [walk.resolved_twist(i) for i in range(len(system.links))]
-    numbers = _numbers(system.links, twists, v, values)
+    numbers = _numbers(system.links, twists, v, values, short)
     if frame:
         v[frame.column] = frame.rate(v[frame.beside])
         numbers = frame.turning(numbers, v)
@@ -226,6 +230,7 @@ def elimination(
     names = tuple(row.name for row in everything)
     done = tuple(step for stage in plan for step in stage)
     return Elimination(
+        system,
         tuple(forms),
         v,
         sigma,
@@ -341,7 +346,11 @@ def _idle(
 
 
 def _rates(
-    system: System | Carried, first: _Walk, plan: list[list[Step]], numbers: list[Numbers], v: list[Scalar]
+    system: System | Carried,
+    first: _Walk,
+    plan: list[list[Step]],
+    numbers: list[Numbers],
+    v: list[Scalar],
 ) -> _Walk:
     """The second walk: rates at ẇ = 0, with the velocity products beside the same forms and the
     same pivots."""
@@ -401,7 +410,11 @@ def _at_rest(x: Twist) -> Numbers:
 
 
 def _numbers(
-    links: Sequence[Link], twists: list[Twist], v: list[Scalar], values: dict[Key, Scalar]
+    links: Sequence[Link],
+    twists: list[Twist],
+    v: list[Scalar],
+    values: dict[Key, Scalar],
+    short: int,
 ) -> list[Numbers]:
     """Every link's twist as numbers: from its form where that is short, else by the recursion."""
     result: list[Numbers] = []
@@ -410,17 +423,17 @@ def _numbers(
         by_recursion = child_numbers(link, parent, [v[j] for j in link.columns])
         result.append(
             (
-                _short_values(forms[0], by_recursion[0], values),
-                _short_values(forms[1], by_recursion[1], values),
+                _short_values(forms[0], by_recursion[0], values, short),
+                _short_values(forms[1], by_recursion[1], values, short),
             )
         )
     return result
 
 
 def _short_values(
-    forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, Scalar]
+    forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, Scalar], short: int
 ) -> list[Scalar]:
-    return [value(form, values) if len(form) <= SHORT else x for form, x in zip(forms, numbers)]
+    return [value(form, values) if len(form) <= short else x for form, x in zip(forms, numbers)]
 
 
 @dataclass(frozen=True)

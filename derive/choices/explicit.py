@@ -212,9 +212,7 @@ def _masses(system: System, reduction: Reduction) -> dict[str, Matrix]:
     return result
 
 
-def _masses_by_joints(
-    system: System, reduction: Reduction, tree: Carried
-) -> dict[str, Matrix]:
+def _masses_by_joints(system: System, reduction: Reduction, tree: Carried) -> dict[str, Matrix]:
     walked, nv = reduction.walked, tree.v.numel()
     assert walked is not None
     S = transformation(walked.speeds, len(reduction.names))
@@ -301,7 +299,9 @@ def _at(system: System, reduction: Reduction, expression: ca.SX) -> ca.SX:
     return ca.substitute(expression, system.v, reduction.v)
 
 
-def _wrenches(system: System | Carried, walked: Elimination, inertias: tuple[Inertia, ...]) -> list[Wrench]:
+def _wrenches(
+    system: System | Carried, walked: Elimination, inertias: tuple[Inertia, ...]
+) -> list[Wrench]:
     down = gravities(system.links, ground_rotations(system.links), system.gravity)
     return [inertia_force(*args) for args in zip(inertias, walked.numbers, walked.rates, down)]
 

@@ -11,14 +11,13 @@ import casadi as ca
 import numpy as np
 
 from derive.choices.elimination import Elimination, Step, elimination, transformation
-from derive.choices.limits import SINGULAR
+from derive.choices.limits import SHORT, SINGULAR
 from derive.choices.records import Frame, Guard
 from derive.expressions.scalars import Scalar
-from derive.mechanics.limits import COFACTORS
 from derive.mechanics.forms import Form
+from derive.mechanics.limits import COFACTORS
 from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Carried, RowForm, System
-from derive.states.closing import Kinematics
 from derive.states.sampling import States
 
 
@@ -39,7 +38,12 @@ class Reduction:
     kept: tuple[int, ...]  # indices of the constraint rows that are independent
     constant_pivots: bool
     frame: Frame | None = None  # on whose symbols all of it depends
-    tree: Carried | None = None  # what was walked, where that are not the system's own links
+
+    @property
+    def tree(self) -> Carried | None:
+        """What was walked, where that is not the system itself."""
+        walked = None if self.walked is None else self.walked.tree
+        return walked if isinstance(walked, Carried) else None
 
     def at_frame(self, expression: ca.SX) -> ca.SX:
         """An expression with the usual numbers in the place of the frame."""
@@ -48,62 +52,74 @@ class Reduction:
         return ca.substitute(expression, self.frame.symbols, ca.DM(self.frame.values))
 
 
-def by_elimination(
-    system: System,
-    names: tuple[str, ...],
-    speeds: Sequence[RowForm],
-    rows: Sequence[RowForm],
-    sampled: States,
-    kept: tuple[int, ...],
-    sizes: Sequence[float],
-    other: tuple[Carried, Sequence[RowForm]] | None = None,
-) -> Reduction:
-    """The reduction for speed rows and constraint rows in one way of writing them; `kept` rows of A
-    are independent. S is nv × nw, σ is nv × 1, guards are the pivots that vary. Raises Dependent
-    and Undetermined as `elimination` does. `other` is another tree to walk, of which `rows` are,
-    and the speeds over its velocities."""
-    w = symbols_for(names)
-    tree, own = other or (system, speeds)
-    result = elimination(tree, rows, own, w, sampled, sizes)
-    forms, v, sigma = _of_the_system(tree, result)
+@dataclass(frozen=True)
+class Task:
+    """What is to be eliminated, however the rows are written: the speeds B v = w by their names,
+    the constraint rows that are independent, and the states and magnitudes by which pivots are
+    judged."""
+
+    names: tuple[str, ...]
+    B: ca.SX
+    kept: tuple[int, ...]
+    sampled: States
+    sizes: Sequence[float]
+
+
+@dataclass(frozen=True)
+class Way:
+    """Constraint rows and speed rows over the velocities of a tree; twists with at most `short`
+    terms are written as their forms."""
+
+    tree: System | Carried
+    rows: Sequence[RowForm]
+    speeds: Sequence[RowForm]
+    short: int = SHORT
+
+
+def by_elimination(task: Task, way: Way) -> Reduction:
+    """The reduction with the rows written in one way. S is nv × nw, σ is nv × 1, guards are the
+    pivots that vary. Raises Dependent and Undetermined as `elimination` does."""
+    w, tree = symbols_for(task.names), way.tree
+    result = elimination(tree, way.rows, way.speeds, w, task.sampled, task.sizes, way.short)
+    forms, v, sigma = _of_the_system(result)
     return Reduction(
-        names=names,
+        names=task.names,
         w=w,
-        B=_matrix(speeds, system.v.numel()),
-        S=transformation(forms, len(names)),
+        B=task.B,
+        S=transformation(forms, len(task.names)),
         v=ca.vertcat(*v) if v else ca.SX(0, 1),
         sigma=ca.vertcat(*sigma) if sigma else ca.SX(0, 1),
         walked=result,
         guards=tuple(
-            _guard(tree, result, step, sampled) for step in result.steps if step.block.grade == 2
+            _guard(tree, result, step, task.sampled)
+            for step in result.steps
+            if step.block.grade == 2
         ),
         pivots=tuple(_in_words(tree, result, step) for step in result.steps),
-        kept=kept,
+        kept=task.kept,
         constant_pivots=all(step.block.grade < 2 for step in result.steps),
-        tree=other[0] if other else None,
     )
 
 
 def _of_the_system(
-    tree: System | Carried, result: Elimination
+    result: Elimination,
 ) -> tuple[Sequence[Form], list[Scalar], list[Scalar]]:
     """The forms of v, their values and σ: those of a further frame's velocities make place for the
     twist of the body in it."""
+    tree = result.tree
     if isinstance(tree, System):
         return result.speeds, result.v, result.sigma
     first, body = tree.columns[0], tree.body
     last = first + len(tree.columns) + 1
     omega, velocity = result.twists[body]
-    parts = [
-        (result.speeds, [*velocity, *omega]),
-        (result.v, _six(result.numbers[body])),
-        (result.sigma, _six(result.rates[body])),
-    ]
-    forms, v, sigma = ([*own[:first], *of_body, *own[last:]] for own, of_body in parts)
+    forms = [*result.speeds[:first], *velocity, *omega, *result.speeds[last:]]
+    v = [*result.v[:first], *_six(result.numbers[body]), *result.v[last:]]
+    sigma = [*result.sigma[:first], *_six(result.rates[body]), *result.sigma[last:]]
     return forms, v, sigma
 
 
 def _six(twist: Numbers) -> list[Scalar]:
+    """Linear velocity first, as the velocities of a free joint stand."""
     return [*twist[1], *twist[0]]
 
 
@@ -121,21 +137,14 @@ def symbols_for(names: Sequence[str]) -> ca.SX:
     return ca.vertcat(*[ca.SX.sym(name) for name in names]) if names else ca.SX(0, 1)
 
 
-def _matrix(speeds: Sequence[RowForm], nv: int) -> ca.SX:
-    B = ca.SX(len(speeds), nv)
-    for k, speed in enumerate(speeds):
-        for j, coefficient in speed.coefficients:
-            B[k, j] = coefficient
-    return B
-
-
 def _guard(system: System | Carried, found: Elimination, step: Step, sampled: States) -> Guard:
     """|pivot| against SINGULAR of its largest value at the sampled states."""
     names = ", ".join(found.row_names[i] for i in step.rows)
     pivot = ca.SX(step.pivot)
     if len(step.rows) > COFACTORS:
-        sizes = Kinematics(system).values(pivot, sampled.t, sampled.q, sampled.p)
-        largest = float(np.max(np.abs(sizes)))
+        given = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
+        sizes = ca.Function("pivot", [system.t, system.q, system.p], [pivot]).call(given)[0]
+        largest = float(np.max(np.abs(sizes.full())))
     else:
         # the block was judged with rows of length one, the pivot in the code is not
         largest = step.block.largest * prod(found.sizes[i] for i in step.rows)

@@ -224,8 +224,8 @@ def survey_of(system: System, moving: bool = False) -> Survey:
 
 
 def ways_of(blocks: Sequence[Sequence[Sequence[RowForm]]]) -> list[list[RowForm]]:
-    """The rows of all blocks in every way of writing them: all combinations while they are few, else
-    the same way for all blocks."""
+    """The rows of all blocks in every way of writing them: all combinations while they are few,
+    else the same way for all blocks."""
     return [
         [row for block, way in zip(blocks, ways) for row in block[way]] for ways in _ways(blocks)
     ]

@@ -25,6 +25,7 @@ import casadi as ca
 
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints import joint_type
+from derive.joints.free import free_joint
 from derive.joints.records import Turn
 from derive.joints.rotations import (
     UNIT,
@@ -166,8 +167,7 @@ def _links(scene: Scene, base: _Base, centre: Vector) -> tuple[Link, ...]:
     i, old = base.link, scene.links[base.link]
     first, k = old.columns[0], "xyz".index(base.sequence[2])
     place = sum_of(old.a, rotated(old.R, centre))
-    axes = [[1.0 if x == y else 0.0 for y in range(3)] for x in range(3)]
-    motion = (*([0.0] * 3 + e for e in axes), *(e + [0.0] * 3 for e in axes))
+    motion = tuple(free_joint(base.sequence).motion([], []))
     leaning = old.rotation[:2]
     columns = tuple(range(first, first + FREE))
     frame = Link(
@@ -177,7 +177,7 @@ def _links(scene: Scene, base: _Base, centre: Vector) -> tuple[Link, ...]:
     spinning = old.rotation[2:]
     body = replace(
         old, parent=i, rotation=spinning, R=matrix(spinning), a=ORIGIN, b=centre,
-        motion=([*axes[k], 0.0, 0.0, 0.0],), columns=(first + FREE,), turns_about=k,
+        motion=(motion[3 + k],), columns=(first + FREE,), turns_about=k,
     )  # fmt: skip
     others = [_moved(link, i, first) for link in scene.links]
     return (*others[:i], frame, body, *others[i + 1 :])
@@ -185,7 +185,8 @@ def _links(scene: Scene, base: _Base, centre: Vector) -> tuple[Link, ...]:
 
 def _moved(link: Link, i: int, first: int) -> Link:
     columns = tuple(j if j < first else j + 1 for j in link.columns)
-    return replace(link, parent=link.parent if link.parent < i else link.parent + 1, columns=columns)
+    parent = link.parent if link.parent < i else link.parent + 1
+    return replace(link, parent=parent, columns=columns)
 
 
 def _frame(base: _Base, first: int, link: Link) -> Spinless:
@@ -201,9 +202,7 @@ def _first_axis(base: _Base, link: Link) -> Vector:
     return rotated(transpose(matrix(link.rotation[1:])), UNIT[base.sequence[0]])
 
 
-def _rates(
-    scene: Scene, base: _Base, links: Sequence[Link], frame: Spinless, v: ca.SX
-) -> ca.SX:
+def _rates(scene: Scene, base: _Base, links: Sequence[Link], frame: Spinless, v: ca.SX) -> ca.SX:
     """q̇ over v'. The body's origin is at −R_k c from the wheel's centre."""
     link, body = links[base.link], links[base.link + 1]
     velocity, omega = (

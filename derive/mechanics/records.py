@@ -121,9 +121,9 @@ class RowForm:
 
 @dataclass(frozen=True)
 class Spinless:
-    """A frame that takes no part in the last turn of a free joint, about e_k: its link, and where in
-    the velocities ω·e_a, the frame's own ω·e_k and the body's Ω = ω·e_k stand. `along` and `about`
-    are f·e_a and f·e_k of the axis f of the first turn."""
+    """A frame that takes no part in the last turn of a free joint, about e_k: its link, and where
+    in the velocities ω·e_a, the frame's own ω·e_k and the body's Ω = ω·e_k stand. `along` and
+    `about` are f·e_a and f·e_k of the axis f of the first turn."""
 
     link: int
     axis: int

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import casadi as ca
 
@@ -39,7 +38,6 @@ from derive.joints.rotations import (
 from derive.mechanics.blocks import blocks
 from derive.mechanics.constraints.rolling import wheel_of
 from derive.mechanics.links import NOTHING, ORIGIN, regrouped
-from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Carried, Link, Place, Spinless
 from derive.mechanics.scene import Scene
 from derive.mechanics.tree import twists
@@ -57,19 +55,6 @@ class _Base:
     link: int
     start: int
     sequence: str
-
-
-@dataclass(frozen=True)
-class _Carrying(Scene):
-    """A scene whose frame without spin turns at a rate of its own."""
-
-    frame: Spinless | None = None
-
-    @cached_property
-    def numbers(self) -> list[Numbers]:
-        v = [self.symbols.v[i] for i in range(self.symbols.v.numel())]
-        assert self.frame is not None
-        return self.frame.turning(twists(self.links, self.frame.still(v)), v)
 
 
 def carried(scene: Scene, gravity: Vector) -> tuple[Carried, ...]:
@@ -131,7 +116,7 @@ def _with_frame(scene: Scene, base: _Base, centre: Vector, gravity: Vector) -> C
     symbols = replace(s, v=v, names=names)
     qdot = _rates(scene, base, links, frame, v)
     places = {name: _shifted(place, i) for name, place in scene.places.items()}
-    new = _Carrying(scene.model, symbols, qdot, links, places, frame)
+    new = Scene(scene.model, symbols, qdot, links, places, frame)
     labels = [x.name for x in scene.model.velocities]
     here = f"{base.joint.child} at its wheel"
     labels[first : first + FREE] = [f"{here}.{x}" for x in ("vx", "vy", "vz", "wx", "wy", "wz")]

@@ -350,22 +350,45 @@ def _moving_row(
 ) -> RowForm:
     """direction · (velocity of the body's point − that of the carrier's, at the same place); both
     given in the wheel's frame."""
+    link, carrier = links
+    base = [_carrier_term(normal, links, point, way)] if carrier >= 0 else []
+    first = _moving_term(normal, link, wheel.centre, way)
+    if wheel.spinning < 0:
+        return RowForm(name, (first, *base))
+    own = normal.scene.links[wheel.spinning]
+    if own.parent == link and normal.scene.frame is None:
+        here, rate = _joint_spin(normal, own, way)
+        spin = () if is_zero(here) else ((own.columns[0], here),)
+        return RowForm(name, (first, *base), spin, 0.0, rate)
+    # of several turns about the axle the rows know the sum alone: what the wheel itself does
+    across, along = _across(way[1], wheel.axis), dot(way[1], wheel.axis)
+    terms = [_moving_term(normal, link, wheel.centre, (way[0], across))]
+    if not is_zero(along):
+        spin_way = (NOTHING, scaled(along, wheel.own_axis))
+        terms.append(_moving_term(normal, wheel.spinning, NOTHING, spin_way))
+    return RowForm(name, (*terms, *base))
+
+
+def _joint_spin(normal: _Normal, own: Link, way: Way) -> tuple[Scalar, Scalar]:
+    """What the rate of the wheel's own joint is multiplied by, and what that adds to the row's
+    rate."""
+    still = matrix(tuple(x for x in own.rotation if isinstance(x, Still)))
+    spinning = dot(rotated(still, list(own.motion[0][:3])), way[1])
+    if is_zero(spinning):
+        return 0.0, 0.0
+    (here,), (rate,) = normal.put_in([spinning]), normal.rate([spinning])
+    return here, -dot([rate], [normal.scene.symbols.v[own.columns[0]]])
+
+
+def _carrier_term(normal: _Normal, links: tuple[int, int], point: Vector, way: Way) -> TwistTerm:
+    """The carrier's material point at the contact, in the carrier's frame."""
     scene, (link, carrier) = normal.scene, links
-    terms = [_moving_term(normal, link, wheel.centre, way)]
-    if wheel.spinning >= 0:
-        along = dot(way[1], wheel.axis)
-        terms = [_moving_term(normal, link, wheel.centre, (way[0], _across(way[1], wheel.axis)))]
-        if not is_zero(along):
-            spin = (NOTHING, scaled(along, wheel.own_axis))
-            terms.append(_moving_term(normal, wheel.spinning, NOTHING, spin))
-    if carrier >= 0:
-        turned = matrix(relative_rotation(scene.links, carrier, link))
-        ground = sum_of(scene.positions[link], rotated(scene.rotations[link], point))
-        gap = difference(ground, scene.positions[carrier])
-        inside = rotated(transpose(scene.rotations[carrier]), gap)
-        opposite: Vector = [minus(0.0, x) for x in rotated(turned, way[0])]
-        terms.append(_moving_term(normal, carrier, inside, (opposite, NOTHING)))
-    return RowForm(name, tuple(terms))
+    turned = matrix(relative_rotation(scene.links, carrier, link))
+    ground = sum_of(scene.positions[link], rotated(scene.rotations[link], point))
+    gap = difference(ground, scene.positions[carrier])
+    inside = rotated(transpose(scene.rotations[carrier]), gap)
+    opposite: Vector = [minus(0.0, x) for x in rotated(turned, way[0])]
+    return _moving_term(normal, carrier, inside, (opposite, NOTHING))
 
 
 def _across(x: Vector, axis: Vector) -> Vector:

@@ -13,11 +13,12 @@ import numpy as np
 from derive.choices.elimination import Elimination, Step, elimination, transformation
 from derive.choices.limits import SHORT, SINGULAR
 from derive.choices.records import Frame, Guard
-from derive.expressions.scalars import Scalar
-from derive.mechanics.forms import Form
+from derive.expressions.scalars import Matrix, Scalar
+from derive.joints.rotations import rotated as turned_vector
+from derive.joints.rotations import transpose
+from derive.mechanics.forms import Form, rotated
 from derive.mechanics.limits import COFACTORS
-from derive.mechanics.motion import Numbers
-from derive.mechanics.records import Carried, RowForm, System
+from derive.mechanics.records import Carried, Numbers, RowForm, System
 from derive.states.sampling import States
 
 
@@ -111,16 +112,16 @@ def _of_the_system(
         return result.speeds, result.v, result.sigma
     first, body = tree.columns[0], tree.body
     last = first + len(tree.columns) + 1
-    omega, velocity = result.twists[body]
+    omega, velocity = (rotated(transpose(tree.turned), x) for x in result.twists[body])
     forms = [*result.speeds[:first], *velocity, *omega, *result.speeds[last:]]
-    v = [*result.v[:first], *_six(result.numbers[body]), *result.v[last:]]
-    sigma = [*result.sigma[:first], *_six(result.rates[body]), *result.sigma[last:]]
+    v = [*result.v[:first], *_six(tree.turned, result.numbers[body]), *result.v[last:]]
+    sigma = [*result.sigma[:first], *_six(tree.turned, result.rates[body]), *result.sigma[last:]]
     return forms, v, sigma
 
 
-def _six(twist: Numbers) -> list[Scalar]:
+def _six(turned: Matrix, twist: Numbers) -> list[Scalar]:
     """Linear velocity first, as the velocities of a free joint stand."""
-    return [*twist[1], *twist[0]]
+    return [*turned_vector(turned, twist[1]), *turned_vector(turned, twist[0])]
 
 
 def unreduced(system: System, names: tuple[str, ...]) -> Reduction:

@@ -17,6 +17,7 @@ and only velocity products know of it: the frame has no mass, and no row speaks 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -25,19 +26,22 @@ import casadi as ca
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints import joint_type
 from derive.joints.free import free_joint
-from derive.joints.records import Turn
+from derive.joints.records import Rotation, Still, Turn
 from derive.joints.rotations import (
     UNIT,
     cross,
+    inverse,
+    is_one,
     is_zero,
     matrix,
+    merged,
     rotated,
     sum_of,
     transpose,
 )
 from derive.mechanics.blocks import blocks
 from derive.mechanics.constraints.rolling import wheel_of
-from derive.mechanics.links import NOTHING, ORIGIN, regrouped
+from derive.mechanics.links import NOTHING, ORIGIN, moved, regrouped
 from derive.mechanics.records import Carried, Link, Place, Spinless
 from derive.mechanics.scene import Scene
 from derive.mechanics.tree import twists
@@ -58,10 +62,16 @@ class _Base:
 
 
 def carried(scene: Scene, gravity: Vector) -> tuple[Carried, ...]:
-    """One for every free body with Euler angles that a wheel turns about the last axis of; none
-    where there is no such wheel."""
-    found = ((base, _centre(scene, base)) for base in _bases(scene))
-    return tuple(_with_frame(scene, base, c, gravity) for base, c in found if c is not None)
+    """For every free body with Euler angles that a wheel turns about the last axis of, in its own
+    axes and in those of a tilted joint: with symbols for the tilt these may take more. None where
+    there is no such wheel."""
+    result: list[Carried] = []
+    for base in _bases(scene):
+        centre, tilt = _centre(scene, base), _tilt(scene.links, base)
+        if centre is not None:
+            tilts = (_Tilt(), tilt) if tilt.turn else (tilt,)
+            result += [_with_frame(scene, base, (centre, x), gravity) for x in tilts]
+    return tuple(result)
 
 
 def _bases(scene: Scene) -> list[_Base]:
@@ -101,21 +111,26 @@ def _centre(scene: Scene, base: _Base) -> Vector | None:
     return None
 
 
-def _with_frame(scene: Scene, base: _Base, centre: Vector, gravity: Vector) -> Carried:
-    s, i = scene.symbols, base.link
+def _with_frame(scene: Scene, base: _Base, seat: tuple[Vector, _Tilt], gravity: Vector) -> Carried:
+    """`seat`: the wheel's centre, and the axes of the body."""
+    s, i, (centre, tilt) = scene.symbols, base.link, seat
     first = scene.links[i].columns[0]
     own = [ca.SX.sym(f"frame_{x}") for x in ("vx", "vy", "vz", "wx", "wy", "wz", "spin")]
     v = ca.vertcat(s.v[:first], *own, s.v[first + FREE :])
-    links = _links(scene, base, centre)
+    links = _links(scene, base, centre, tilt)
     frame = _frame(base, first, links[i])
     columns = tuple(range(first, first + FREE))
     # v over v': the body's twist, and all others as they are
-    twist = twists(links, frame.still([v[j] for j in range(v.numel())]))[i + 1]
-    speeds = ca.vertcat(s.v[:first], *twist[1], *twist[0], s.v[first + FREE :])
+    own_axes = matrix(tilt.turn)
+    omega, velocity = (
+        rotated(own_axes, x)
+        for x in twists(links, frame.still([v[j] for j in range(v.numel())]))[i + 1]
+    )
+    speeds = ca.vertcat(s.v[:first], *velocity, *omega, s.v[first + FREE :])
     names = {name: _over(x, s.v, speeds) for name, x in s.names.items()}
     symbols = replace(s, v=v, names=names)
     qdot = _rates(scene, base, links, frame, v)
-    places = {name: _shifted(place, i) for name, place in scene.places.items()}
+    places = {name: _shifted(place, i, tilt) for name, place in scene.places.items()}
     new = Scene(scene.model, symbols, qdot, links, places, frame)
     labels = [x.name for x in scene.model.velocities]
     here = f"{base.joint.child} at its wheel"
@@ -135,6 +150,7 @@ def _with_frame(scene: Scene, base: _Base, centre: Vector, gravity: Vector) -> C
         qdot,
         frame,
         i + 1,
+        own_axes,
         columns,
     )
 
@@ -143,11 +159,45 @@ def _over(x: Scalar, v: ca.SX, speeds: ca.SX) -> Scalar:
     return ca.substitute(x, v, speeds) if isinstance(x, ca.SX) and ca.depends_on(x, v) else x
 
 
-def _shifted(place: Place, i: int) -> Place:
-    return place if place.link < i else replace(place, link=place.link + 1)
+def _shifted(place: Place, i: int, tilt: _Tilt) -> Place:
+    if place.link != i:
+        return place if place.link < i else replace(place, link=place.link + 1)
+    position = rotated(matrix(tilt.back), place.position)
+    return Place(i + 1, merged(tilt.back, place.rotation), position)
 
 
-def _links(scene: Scene, base: _Base, centre: Vector) -> tuple[Link, ...]:
+@dataclass(frozen=True)
+class _Tilt:
+    """Axes of the body that are turned about e_k from its link's: link ← axes, the same back, and
+    the factor that a joint has for it."""
+
+    turn: Rotation = ()
+    back: Rotation = ()
+    still: Still | None = None
+
+
+def _tilt(links: Sequence[Link], base: _Base) -> _Tilt:
+    """Those of the body's first joint that is tilted so: a body that turns about e_k anyway may
+    have any such axes, and the joint then turns about one of them."""
+    k = "xyz".index(base.sequence[2])
+    a, b = (k + 1) % 3, (k + 2) % 3
+    for link in links:
+        if link.parent != base.link or link.turns_about in (-1, k) or not link.rotation:
+            continue
+        still = link.rotation[0]
+        if isinstance(still, Still) and is_one(still.matrix[k][k]):
+            turn = Turn(UNIT[base.sequence[2]], _angle(still.matrix[b][a], still.matrix[a][a]))
+            return _Tilt((turn,), inverse((turn,)), still)
+    return _Tilt()
+
+
+def _angle(sine: Scalar, cosine: Scalar) -> Scalar:
+    if isinstance(sine, float) and isinstance(cosine, float):
+        return math.atan2(sine, cosine)
+    return ca.atan2(sine, cosine)
+
+
+def _links(scene: Scene, base: _Base, centre: Vector, tilt: _Tilt) -> tuple[Link, ...]:
     """With the frame before the body, which turns in it about the centre."""
     i, old = base.link, scene.links[base.link]
     first, k = old.columns[0], "xyz".index(base.sequence[2])
@@ -159,19 +209,28 @@ def _links(scene: Scene, base: _Base, centre: Vector) -> tuple[Link, ...]:
         f"{old.name} without its spin", -1, leaning, matrix(leaning), place, ORIGIN, motion,
         columns, -1, NOTHING,
     )  # fmt: skip
-    spinning = old.rotation[2:]
+    spinning, back = merged(old.rotation[2:], tilt.turn), matrix(tilt.back)
     body = replace(
-        old, parent=i, rotation=spinning, R=matrix(spinning), a=ORIGIN, b=centre,
+        old, parent=i, rotation=spinning, R=matrix(spinning), a=ORIGIN, b=rotated(back, centre),
         motion=(motion[3 + k],), columns=(first + FREE,), turns_about=k,
+        inertia=moved(old.inertia, tilt.back, ORIGIN),
     )  # fmt: skip
-    others = [_moved(link, i, first) for link in scene.links]
+    others = [_moved(link, base, first, tilt) for link in scene.links]
     return (*others[:i], frame, body, *others[i + 1 :])
 
 
-def _moved(link: Link, i: int, first: int) -> Link:
+def _moved(link: Link, base: _Base, first: int, tilt: _Tilt) -> Link:
+    """With its place in the tree; what hangs on the body, in the body's new axes."""
     columns = tuple(j if j < first else j + 1 for j in link.columns)
-    parent = link.parent if link.parent < i else link.parent + 1
-    return replace(link, parent=parent, columns=columns)
+    if link.parent != base.link:
+        parent = link.parent if link.parent < base.link else link.parent + 1
+        return replace(link, parent=parent, columns=columns)
+    upright = tilt.still is not None and bool(link.rotation) and link.rotation[0] is tilt.still
+    rotation = link.rotation[1:] if upright else merged(tilt.back, link.rotation)
+    return replace(
+        link, parent=base.link + 1, columns=columns, rotation=rotation, R=matrix(rotation),
+        a=rotated(matrix(tilt.back), link.a),
+    )  # fmt: skip
 
 
 def _frame(base: _Base, first: int, link: Link) -> Spinless:

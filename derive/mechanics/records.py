@@ -156,7 +156,8 @@ class Spinless:
 class Carried:
     """The links of a system with a further frame, over velocities v' of their own. `blocks` are the
     constraint rows in every way of writing them; `speeds` is v and `qdot` q̇, over v'. `body` is the
-    link whose twist the velocities `columns` of the system are."""
+    link whose twist, in the axes `turned` (body's own ← link), the velocities `columns` of the
+    system are."""
 
     t: ca.SX
     q: ca.SX
@@ -171,6 +172,7 @@ class Carried:
     qdot: ca.SX
     frame: Spinless
     body: int
+    turned: Matrix
     columns: tuple[int, ...]
 
 

@@ -17,6 +17,7 @@ from derive.choices.named import carried_through, declared
 from derive.choices.reduction import Reduction, Task, Way, by_elimination
 from derive.choices.resolution import speed_rows
 from derive.choices.survey import survey_of
+from derive.expressions.deferred import changed
 from derive.formulations import equations
 from derive.mechanics.records import Spinless, System
 from derive.model import load, load_text
@@ -98,13 +99,17 @@ def test_every_sequence_of_angles_rolls_as_the_reference_does(
     assert failed(mechanics) == []
 
 
+@pytest.mark.parametrize("tilted", [False, True])
 @pytest.mark.parametrize("choice", ["rates", "best"])
 @pytest.mark.parametrize("constants", ["all", ()])
 def test_a_wheel_away_from_the_origin_of_a_body_with_an_arm(
-    constants: str | tuple[str, ...], choice: str, monkeypatch: pytest.MonkeyPatch
+    constants: str | tuple[str, ...], choice: str, tilted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The body in its own axes, and in those of the arm's joint."""
     preferred(monkeypatch)
     mechanics = system(load_text(UNICYCLE), constants)
+    assert len(mechanics.carried) == 2
+    mechanics = changed(mechanics, carried=(mechanics.carried[tilted],))
     assert reduction_of(mechanics, choice).tree is not None
     assert failed(mechanics, choice) == []
 

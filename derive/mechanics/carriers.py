@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from derive.expressions.scalars import Scalar, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints import joint_type
 from derive.joints.free import free_joint
 from derive.joints.records import Rotation, Still, Turn
@@ -120,28 +120,19 @@ def _with_frame(scene: Scene, base: _Base, seat: tuple[Vector, _Tilt], gravity: 
     links = _links(scene, base, centre, tilt)
     frame = _frame(base, first, links[i])
     columns = tuple(range(first, first + FREE))
-    # v over v': the body's twist, and all others as they are
     own_axes = matrix(tilt.turn)
-    omega, velocity = (
-        rotated(own_axes, x)
-        for x in twists(links, frame.still([v[j] for j in range(v.numel())]))[i + 1]
-    )
-    speeds = ca.vertcat(s.v[:first], *velocity, *omega, s.v[first + FREE :])
+    speeds = _speeds(s.v, v, frame, links, own_axes)
     names = {name: _over(x, s.v, speeds) for name, x in s.names.items()}
     symbols = replace(s, v=v, names=names)
     qdot = _rates(scene, base, links, frame, v)
     places = {name: _shifted(place, i, tilt) for name, place in scene.places.items()}
     new = Scene(scene.model, symbols, qdot, links, places, frame)
-    labels = [x.name for x in scene.model.velocities]
-    here = f"{base.joint.child} at its wheel"
-    labels[first : first + FREE] = [f"{here}.{x}" for x in ("vx", "vy", "vz", "wx", "wy", "wz")]
-    labels.insert(first + FREE, f"{here}.spin")
     return Carried(
         s.t,
         s.q,
         s.p,
         v,
-        tuple(labels),
+        _labels(scene, base, first),
         links,
         (tuple(link.inertia for link in links), regrouped(links)),
         tuple(block.ways for block in blocks(new)),
@@ -153,6 +144,22 @@ def _with_frame(scene: Scene, base: _Base, seat: tuple[Vector, _Tilt], gravity: 
         own_axes,
         columns,
     )
+
+
+def _speeds(
+    old: ca.SX, v: ca.SX, frame: Spinless, links: Sequence[Link], own_axes: Matrix
+) -> ca.SX:
+    """v over v': the body's twist in its own axes, and all others as they are."""
+    first, still = links[frame.link].columns[0], frame.still([v[j] for j in range(v.numel())])
+    omega, velocity = (rotated(own_axes, x) for x in twists(links, still)[frame.link + 1])
+    return ca.vertcat(old[:first], *velocity, *omega, old[first + FREE :])
+
+
+def _labels(scene: Scene, base: _Base, first: int) -> tuple[str, ...]:
+    """The names of v', for the words on pivots."""
+    labels, here = [x.name for x in scene.model.velocities], f"{base.joint.child} at its wheel"
+    own = [f"{here}.{x}" for x in ("vx", "vy", "vz", "wx", "wy", "wz", "spin")]
+    return (*labels[:first], *own, *labels[first + FREE :])
 
 
 def _over(x: Scalar, v: ca.SX, speeds: ca.SX) -> Scalar:

@@ -42,8 +42,10 @@ CASES = (
     Case("Panda, v̇ with ∂v̇/∂q, ∂v̇/∂v and M⁻¹", EXAMPLES / "panda.yaml", "derivatives"),
     Case("Whipple bicycle, inverse dynamics", MODELS / "bicycle.yaml"),
     Case("Whipple bicycle, solved", MODELS / "bicycle.yaml", "dynamics"),
+    Case("Whipple bicycle, solved, all symbols", MODELS / "bicycle.yaml", "dynamics", ""),
     Case("rolling disk, inverse dynamics", MODELS / "rolling_disk.yaml"),
     Case("rolling disk, solved", MODELS / "rolling_disk.yaml", "dynamics"),
+    Case("rolling torus, solved", MODELS / "rolling_torus.yaml", "dynamics"),
 )
 
 

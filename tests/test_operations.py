@@ -43,6 +43,13 @@ def test_the_puma_is_exact_in_300_operations() -> None:
 
 
 @pytest.mark.parametrize(
+    "title", ["Whipple bicycle, solved", "Whipple bicycle, solved, all symbols"]
+)
+def test_the_bicycle_is_solved_in_1200_operations(title: str) -> None:
+    assert sum(numbers(title)) <= 1200
+
+
+@pytest.mark.parametrize(
     "case",
     [
         pytest.param(case, id=case.title, marks=[] if case.title in QUICK else pytest.mark.slow)

@@ -35,7 +35,7 @@ from derive.mechanics.motion import (
     velocity_products,
     with_products,
 )
-from derive.mechanics.records import Link, RowForm, System
+from derive.mechanics.records import Carried, Link, RowForm, System
 from derive.mechanics.solve import Block, best_block, reflected_solution, small_inverse, steady
 from derive.mechanics.tree import path
 from derive.states.sampling import States
@@ -71,8 +71,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Elimination:
-    """v = S w + (values at w = 0), v̇ = S ẇ + σ, and the same for every link's twist."""
+    """v = S w + (values at w = 0), v̇ = S ẇ + σ, and the same for every link's twist; v of the tree
+    that was walked."""
 
+    tree: System | Carried
     speeds: tuple[Form, ...]  # of each generalized velocity, over ("w", k) and ONE
     v: list[Scalar]
     sigma: list[Scalar]
@@ -88,7 +90,7 @@ class Elimination:
 class _Walk:
     """One walk over the tree, on velocities or on their rates."""
 
-    system: System
+    system: System | Carried
     rows: Sequence[RowForm]
     sides: Sequence[Form]  # what each row equals
     known: dict[int, Form]  # generalized velocities given outright
@@ -179,15 +181,17 @@ class _Walk:
 
 
 def elimination(
-    system: System,
+    system: System | Carried,
     rows: Sequence[RowForm],
     speeds: Sequence[RowForm],
     w: ca.SX,
     sampled: States,
     sizes: Sequence[float],
+    short: int = SHORT,
 ) -> Elimination:
     """Solve constraint `rows` and speed rows (whose values are w) for all generalized velocities;
-    `sizes` are the rows' magnitudes, against which a coefficient counts as zero.
+    `sizes` are the rows' magnitudes, against which a coefficient counts as zero. Components of
+    twists with at most `short` terms are written as their forms, others by recursion.
 
     First walk: Y v = [c; w] gives v = S w + v₀. Second walk, with the same pivots and the velocity
     products beside the same forms: Y v̇ = [β; ẇ − Ḃ v] at ẇ = 0 gives σ, v̇ = S ẇ + σ. No inverse
@@ -201,23 +205,32 @@ def elimination(
     # constraint rows equal c, speed rows equal w
     sides = [constant(row.value) for row in rows] + [{("w", k): 1.0} for k in range(len(speeds))]
     waiting = [i for i in range(len(everything)) if not (i >= len(rows) and _single(everything[i]))]
-    known = {j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()}
+    known: dict[int, Form] = {
+        j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()
+    }
+    frame = system.frame if isinstance(system, Carried) else None
+    if frame:
+        known[frame.column] = {}  # neither row nor mass feels how the frame itself turns
     walk = _Walk(system, everything, sides, known)
     plan = _velocities(walk, waiting, len(rows), _Coefficients(system, sampled, sizes))
     values: dict[Key, Scalar] = {("w", k): w[k] for k in range(len(speeds))}
     forms = [walk.resolved(walk.joints[j]) for j in range(system.v.numel())]
     unknown = {key[1] for form in forms for key in form if key[0] == "v"}
     if unknown:
-        raise Undetermined(system.model.velocities[min(unknown)].name)
+        raise Undetermined(system.labels[min(unknown)])
     v = [value(form, values) for form in forms]
     twists = [walk.resolved_twist(i) for i in range(len(system.links))]
-    numbers = _numbers(system.links, twists, v, values)
+    numbers = _numbers(system.links, twists, v, values, short)
+    if frame:
+        v[frame.column] = frame.rate(v[frame.beside])
+        numbers = frame.turning(numbers, v)
     rates = _rates(system, walk, plan, numbers, v)
     sigma = [rates.resolved(rates.joints[j]).get(ONE, 0.0) for j in range(system.v.numel())]
     bias = [rates.resolved_twist(i) for i in range(len(system.links))]
     names = tuple(row.name for row in everything)
     done = tuple(step for stage in plan for step in stage)
     return Elimination(
+        system,
         tuple(forms),
         v,
         sigma,
@@ -292,7 +305,7 @@ def _others_may_help(
     return any(unknown & _speaks_of(walk.system, walk.rows[i]) for i in waiting if i not in ready)
 
 
-def _speaks_of(system: System, row: RowForm) -> set[int]:
+def _speaks_of(system: System | Carried, row: RowForm) -> set[int]:
     carried = {
         j
         for term in row.terms
@@ -333,7 +346,11 @@ def _idle(
 
 
 def _rates(
-    system: System, first: _Walk, plan: list[list[Step]], numbers: list[Numbers], v: list[Scalar]
+    system: System | Carried,
+    first: _Walk,
+    plan: list[list[Step]],
+    numbers: list[Numbers],
+    v: list[Scalar],
 ) -> _Walk:
     """The second walk: rates at ẇ = 0, with the velocity products beside the same forms and the
     same pivots."""
@@ -350,9 +367,10 @@ def _rates(
     here = [_in_numbers(row, system, symbols) for row in first.rows]
     _enter_free_velocities(walk)
     _follow(walk, plan[0], here, numbers)
+    joint_rates = system.frame.relative(v) if isinstance(system, Carried) else v
     for i, link in enumerate(system.links):
         parent = numbers[link.parent] if link.parent >= 0 else STILL
-        products = velocity_products(link, parent, [v[j] for j in link.columns])
+        products = velocity_products(link, parent, [joint_rates[j] for j in link.columns])
         walk.enter(
             link, with_products(parent_part(link, walk.resolved_twist(link.parent)), products)
         )
@@ -360,7 +378,7 @@ def _rates(
     return walk
 
 
-def _in_numbers(row: RowForm, system: System, v: ca.SX) -> RowForm:
+def _in_numbers(row: RowForm, system: System | Carried, v: ca.SX) -> RowForm:
     """The row with the generalized velocities inside its rates replaced by their values."""
     terms = tuple(
         replace(
@@ -376,7 +394,7 @@ def _in_numbers(row: RowForm, system: System, v: ca.SX) -> RowForm:
     return replace(row, terms=terms)
 
 
-def _substituted(vector: list[Scalar], system: System, v: ca.SX) -> list[Scalar]:
+def _substituted(vector: list[Scalar], system: System | Carried, v: ca.SX) -> list[Scalar]:
     return [ca.substitute(x, system.v, v) if isinstance(x, ca.SX) else x for x in vector]
 
 
@@ -392,7 +410,11 @@ def _at_rest(x: Twist) -> Numbers:
 
 
 def _numbers(
-    links: Sequence[Link], twists: list[Twist], v: list[Scalar], values: dict[Key, Scalar]
+    links: Sequence[Link],
+    twists: list[Twist],
+    v: list[Scalar],
+    values: dict[Key, Scalar],
+    short: int,
 ) -> list[Numbers]:
     """Every link's twist as numbers: from its form where that is short, else by the recursion."""
     result: list[Numbers] = []
@@ -401,17 +423,17 @@ def _numbers(
         by_recursion = child_numbers(link, parent, [v[j] for j in link.columns])
         result.append(
             (
-                _short_values(forms[0], by_recursion[0], values),
-                _short_values(forms[1], by_recursion[1], values),
+                _short_values(forms[0], by_recursion[0], values, short),
+                _short_values(forms[1], by_recursion[1], values, short),
             )
         )
     return result
 
 
 def _short_values(
-    forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, Scalar]
+    forms: Sequence[Form], numbers: Sequence[Scalar], values: dict[Key, Scalar], short: int
 ) -> list[Scalar]:
-    return [value(form, values) if len(form) <= SHORT else x for form, x in zip(forms, numbers)]
+    return [value(form, values) if len(form) <= short else x for form, x in zip(forms, numbers)]
 
 
 @dataclass(frozen=True)
@@ -427,7 +449,7 @@ class _RowAtSamples:
 class _Coefficients:
     """Coefficients at sampled consistent states."""
 
-    def __init__(self, system: System, sampled: States, sizes: Sequence[float]) -> None:
+    def __init__(self, system: System | Carried, sampled: States, sizes: Sequence[float]) -> None:
         self.sizes = sizes
         self.symbols = [system.t, system.q, system.p]
         self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
@@ -489,10 +511,10 @@ class _Coefficients:
         return tuple(rows[i] for i in block.rows), tuple(keys[j] for j in block.columns), block
 
 
-def transformation(found: Elimination, nw: int) -> ca.SX:
-    """S as an nv × nw matrix, zeros not stored."""
-    result = ca.SX(len(found.speeds), nw)
-    for j, form in enumerate(found.speeds):
+def transformation(speeds: Sequence[Form], nw: int) -> ca.SX:
+    """S as a matrix with nw columns, zeros not stored, from forms of the generalized velocities."""
+    result = ca.SX(len(speeds), nw)
+    for j, form in enumerate(speeds):
         for key, coefficient in form.items():
             if key[0] == "w":
                 result[j, key[1]] = coefficient

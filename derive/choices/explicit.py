@@ -17,7 +17,7 @@ from itertools import product as combinations
 
 import casadi as ca
 
-from derive.choices.elimination import Elimination
+from derive.choices.elimination import Elimination, transformation
 from derive.choices.limits import EXPLICIT_MANY
 from derive.choices.reduction import Reduction
 from derive.expressions.counting import alternatives, instructions
@@ -28,7 +28,7 @@ from derive.mechanics.articulated import tree_solution
 from derive.mechanics.forms import Form
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.motion import Numbers
-from derive.mechanics.records import Inertia, Named, System
+from derive.mechanics.records import Carried, Inertia, Named, System
 from derive.mechanics.solve import ldl_solution, scalars
 from derive.mechanics.tree import (
     Wrench,
@@ -36,6 +36,7 @@ from derive.mechanics.tree import (
     ground_rotations,
     inertia_force,
     joint_forces,
+    mass_matrix,
     momentum,
 )
 
@@ -78,7 +79,7 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     solution = _articulated(system, reduction)
     if not solution or system.written:
         solution += _by_matrices(system, reduction)
-    qdot = ca.substitute(system.qdot, system.v, reduction.v)
+    qdot = _position_rates(system, reduction)
     results = [ca.vertcat(qdot, x.wdot) for x in solution]
     counts = alternatives(results) if len(solution) > 1 else [instructions(results[0])]
     best = solution[counts.index(min(counts))]
@@ -94,6 +95,14 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
         mass=mass,
         force=_column(best.force),
     )
+
+
+def _position_rates(system: System, reduction: Reduction) -> ca.SX:
+    """q̇ at v of the choice, over the velocities that were walked."""
+    tree, walked = reduction.tree, reduction.walked
+    if tree is None or walked is None:
+        return ca.substitute(system.qdot, system.v, reduction.v)
+    return ca.substitute(tree.qdot, tree.v, _column(walked.v))
 
 
 def _deferred(system: System, reduction: Reduction) -> Explicit:
@@ -193,15 +202,29 @@ def _sparse(rows: Matrix) -> ca.SX:
 def _masses(system: System, reduction: Reduction) -> dict[str, Matrix]:
     """Sᵀ M S, by joints and, where the walk gave twists as forms, by links."""
     result: dict[str, Matrix] = {}
-    if system.written:
+    if reduction.tree is not None:
+        result |= _masses_by_joints(system, reduction, reduction.tree)
+    elif system.written:
         result["mass matrix by joints"] = scalars(_symmetric_product(reduction.S, system.M))
     if reduction.walked is not None and system.links and system.rows:
-        for label, inertias in _inertias(system):
+        for label, inertias in _inertias(reduction.tree or system):
             result[f"mass matrix by links{label}"] = _mass_by_links(system, reduction, inertias)
     return result
 
 
-def _inertias(system: System) -> list[tuple[str, tuple[Inertia, ...]]]:
+def _masses_by_joints(system: System, reduction: Reduction, tree: Carried) -> dict[str, Matrix]:
+    walked, nv = reduction.walked, tree.v.numel()
+    assert walked is not None
+    S = transformation(walked.speeds, len(reduction.names))
+    extra = _symmetric_product(reduction.S, system.M_extra)
+    result: dict[str, Matrix] = {}
+    for label, inertias in _inertias(tree):
+        M = _sparse(mass_matrix(tree.links, inertias, nv))
+        result[f"mass matrix by joints{label}"] = scalars(_symmetric_product(S, M) + extra)
+    return result
+
+
+def _inertias(system: System | Carried) -> list[tuple[str, tuple[Inertia, ...]]]:
     return list(zip(("", " (regrouped inertias)")[-len(system.inertias) :], system.inertias))
 
 
@@ -221,10 +244,11 @@ def _forces(system: System, reduction: Reduction) -> dict[str, Vector]:
     )
     applied = ca.mtimes(reduction.S.T, Q)
     result = {"forces by joints": _by_joints(system, reduction, Q, reduction.sigma)}
-    for label, inertias in _inertias(system):
+    tree = reduction.tree or system
+    for label, inertias in _inertias(tree):
         if reduction.walked is None or not system.rows:
             continue
-        wrenches = _wrenches(system, reduction.walked, inertias)
+        wrenches = _wrenches(tree, reduction.walked, inertias)
         result[f"forces by joints from rates{label}"] = _carried(system, reduction, Q, wrenches)
         by_links = _force_by_links(reduction, wrenches)
         result[f"forces by links{label}"] = [
@@ -239,12 +263,34 @@ def _entries(column: ca.SX) -> Vector:
 
 def _by_joints(system: System, reduction: Reduction, Q: ca.SX, vdot: ca.SX) -> Vector:
     """Sᵀ (Q − M v̇ − h) of the links at v of the choice."""
+    if reduction.tree is not None:
+        return _by_joints_of_tree(reduction, reduction.tree, Q)
     motion = _entries(reduction.v), _entries(vdot)
     inertial = _column(joint_forces_of_motion(system.links, *motion, system.gravity))
     return _entries(ca.mtimes(reduction.S.T, Q - inertial))
 
 
+def _by_joints_of_tree(reduction: Reduction, tree: Carried, Q: ca.SX) -> Vector:
+    walked = reduction.walked
+    assert walked is not None
+    # what the further frame is short of in acceleration the joint has more: its links feel the sum
+    motion = tree.frame.relative(walked.v), walked.sigma
+    inertial = _column(joint_forces_of_motion(tree.links, *motion, tree.gravity))
+    return _less_inertial(reduction, tree, Q, inertial)
+
+
+def _less_inertial(reduction: Reduction, tree: Carried, Q: ca.SX, inertial: ca.SX) -> Vector:
+    """Sᵀ Q − S'ᵀ (inertial forces), S' of the tree."""
+    assert reduction.walked is not None
+    S = transformation(reduction.walked.speeds, len(reduction.names))
+    return _entries(ca.mtimes(reduction.S.T, Q) - ca.mtimes(S.T, inertial))
+
+
 def _carried(system: System, reduction: Reduction, Q: ca.SX, wrenches: list[Wrench]) -> Vector:
+    tree = reduction.tree
+    if tree is not None:
+        inertial = _column(joint_forces(tree.links, wrenches, tree.v.numel()))
+        return _less_inertial(reduction, tree, Q, inertial)
     inertial = _column(joint_forces(system.links, wrenches, system.v.numel()))
     return _entries(ca.mtimes(reduction.S.T, Q - inertial))
 
@@ -253,7 +299,9 @@ def _at(system: System, reduction: Reduction, expression: ca.SX) -> ca.SX:
     return ca.substitute(expression, system.v, reduction.v)
 
 
-def _wrenches(system: System, walked: Elimination, inertias: tuple[Inertia, ...]) -> list[Wrench]:
+def _wrenches(
+    system: System | Carried, walked: Elimination, inertias: tuple[Inertia, ...]
+) -> list[Wrench]:
     down = gravities(system.links, ground_rotations(system.links), system.gravity)
     return [inertia_force(*args) for args in zip(inertias, walked.numbers, walked.rates, down)]
 

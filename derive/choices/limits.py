@@ -32,6 +32,10 @@ LOOKED_AT = 10  # states
 DEPENDENT = 1e-9  # smaller singular values of rows of length one are zero
 
 # resolution
+FEW = 12  # with more links than this, twists are written in one way
+WORTHWHILE = 0.97  # an estimate of operations tells no smaller differences
+SETTLED = 1e-12  # a coefficient that is nowhere farther than this from 0, 1 or −1 is that number
+TRIED = 20  # random values of t, q and p at which that is seen
 NAMED = 1e-6  # the least weight with which a row is named among those that depend on each other
 # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
 REGULAR = 1e-3

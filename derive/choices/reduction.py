@@ -11,11 +11,14 @@ import casadi as ca
 import numpy as np
 
 from derive.choices.elimination import Elimination, Step, elimination, transformation
-from derive.choices.limits import SINGULAR
+from derive.choices.limits import SHORT, SINGULAR
 from derive.choices.records import Frame, Guard
+from derive.expressions.scalars import Matrix, Scalar
+from derive.joints.rotations import rotated as turned_vector
+from derive.joints.rotations import transpose
+from derive.mechanics.forms import Form, rotated
 from derive.mechanics.limits import COFACTORS
-from derive.mechanics.records import RowForm, System
-from derive.states.closing import Kinematics
+from derive.mechanics.records import Carried, Numbers, RowForm, System
 from derive.states.sampling import States
 
 
@@ -37,6 +40,12 @@ class Reduction:
     constant_pivots: bool
     frame: Frame | None = None  # on whose symbols all of it depends
 
+    @property
+    def tree(self) -> Carried | None:
+        """What was walked, where that is not the system itself."""
+        walked = None if self.walked is None else self.walked.tree
+        return walked if isinstance(walked, Carried) else None
+
     def at_frame(self, expression: ca.SX) -> ca.SX:
         """An expression with the usual numbers in the place of the frame."""
         if self.frame is None:
@@ -44,35 +53,75 @@ class Reduction:
         return ca.substitute(expression, self.frame.symbols, ca.DM(self.frame.values))
 
 
-def by_elimination(
-    system: System,
-    names: tuple[str, ...],
-    speeds: Sequence[RowForm],
-    rows: Sequence[RowForm],
-    sampled: States,
-    kept: tuple[int, ...],
-    sizes: Sequence[float],
-) -> Reduction:
-    """The reduction for speed rows and constraint rows in one way of writing them; `kept` rows of A
-    are independent. S is nv × nw, σ is nv × 1, guards are the pivots that vary. Raises Dependent
-    and Undetermined as `elimination` does."""
-    w = symbols_for(names)
-    result = elimination(system, rows, speeds, w, sampled, sizes)
+@dataclass(frozen=True)
+class Task:
+    """What is to be eliminated, however the rows are written: the speeds B v = w by their names,
+    the constraint rows that are independent, and the states and magnitudes by which pivots are
+    judged."""
+
+    names: tuple[str, ...]
+    B: ca.SX
+    kept: tuple[int, ...]
+    sampled: States
+    sizes: Sequence[float]
+
+
+@dataclass(frozen=True)
+class Way:
+    """Constraint rows and speed rows over the velocities of a tree; twists with at most `short`
+    terms are written as their forms."""
+
+    tree: System | Carried
+    rows: Sequence[RowForm]
+    speeds: Sequence[RowForm]
+    short: int = SHORT
+
+
+def by_elimination(task: Task, way: Way) -> Reduction:
+    """The reduction with the rows written in one way. S is nv × nw, σ is nv × 1, guards are the
+    pivots that vary. Raises Dependent and Undetermined as `elimination` does."""
+    w, tree = symbols_for(task.names), way.tree
+    result = elimination(tree, way.rows, way.speeds, w, task.sampled, task.sizes, way.short)
+    forms, v, sigma = _of_the_system(result)
     return Reduction(
-        names=names,
+        names=task.names,
         w=w,
-        B=_matrix(speeds, system.v.numel()),
-        S=transformation(result, len(names)),
-        v=ca.vertcat(*result.v) if result.v else ca.SX(0, 1),
-        sigma=ca.vertcat(*result.sigma) if result.sigma else ca.SX(0, 1),
+        B=task.B,
+        S=transformation(forms, len(task.names)),
+        v=ca.vertcat(*v) if v else ca.SX(0, 1),
+        sigma=ca.vertcat(*sigma) if sigma else ca.SX(0, 1),
         walked=result,
         guards=tuple(
-            _guard(system, result, step, sampled) for step in result.steps if step.block.grade == 2
+            _guard(tree, result, step, task.sampled)
+            for step in result.steps
+            if step.block.grade == 2
         ),
-        pivots=tuple(_in_words(system, result, step) for step in result.steps),
-        kept=kept,
+        pivots=tuple(_in_words(tree, result, step) for step in result.steps),
+        kept=task.kept,
         constant_pivots=all(step.block.grade < 2 for step in result.steps),
     )
+
+
+def _of_the_system(
+    result: Elimination,
+) -> tuple[Sequence[Form], list[Scalar], list[Scalar]]:
+    """The forms of v, their values and σ: those of a further frame's velocities make place for the
+    twist of the body in it."""
+    tree = result.tree
+    if isinstance(tree, System):
+        return result.speeds, result.v, result.sigma
+    first, body = tree.columns[0], tree.body
+    last = first + len(tree.columns) + 1
+    omega, velocity = (rotated(transpose(tree.turned), x) for x in result.twists[body])
+    forms = [*result.speeds[:first], *velocity, *omega, *result.speeds[last:]]
+    v = [*result.v[:first], *_six(tree.turned, result.numbers[body]), *result.v[last:]]
+    sigma = [*result.sigma[:first], *_six(tree.turned, result.rates[body]), *result.sigma[last:]]
+    return forms, v, sigma
+
+
+def _six(turned: Matrix, twist: Numbers) -> list[Scalar]:
+    """Linear velocity first, as the velocities of a free joint stand."""
+    return [*turned_vector(turned, twist[1]), *turned_vector(turned, twist[0])]
 
 
 def unreduced(system: System, names: tuple[str, ...]) -> Reduction:
@@ -89,28 +138,21 @@ def symbols_for(names: Sequence[str]) -> ca.SX:
     return ca.vertcat(*[ca.SX.sym(name) for name in names]) if names else ca.SX(0, 1)
 
 
-def _matrix(speeds: Sequence[RowForm], nv: int) -> ca.SX:
-    B = ca.SX(len(speeds), nv)
-    for k, speed in enumerate(speeds):
-        for j, coefficient in speed.coefficients:
-            B[k, j] = coefficient
-    return B
-
-
-def _guard(system: System, found: Elimination, step: Step, sampled: States) -> Guard:
+def _guard(system: System | Carried, found: Elimination, step: Step, sampled: States) -> Guard:
     """|pivot| against SINGULAR of its largest value at the sampled states."""
     names = ", ".join(found.row_names[i] for i in step.rows)
     pivot = ca.SX(step.pivot)
     if len(step.rows) > COFACTORS:
-        sizes = Kinematics(system).values(pivot, sampled.t, sampled.q, sampled.p)
-        largest = float(np.max(np.abs(sizes)))
+        given = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
+        sizes = ca.Function("pivot", [system.t, system.q, system.p], [pivot]).call(given)[0]
+        largest = float(np.max(np.abs(sizes.full())))
     else:
         # the block was judged with rows of length one, the pivot in the code is not
         largest = step.block.largest * prod(found.sizes[i] for i in step.rows)
     return Guard(f"pivot of {names}", pivot, SINGULAR * largest)
 
 
-def _in_words(system: System, found: Elimination, step: Step) -> str:
+def _in_words(system: System | Carried, found: Elimination, step: Step) -> str:
     rows = " and ".join(found.row_names[i] for i in step.rows)
     unknowns = " and ".join(_unknown(system, key[1]) for key in step.keys)
     block = step.block
@@ -122,8 +164,8 @@ def _in_words(system: System, found: Elimination, step: Step) -> str:
     return f"{rows} {'give' if len(step.rows) > 1 else 'gives'} {unknowns} (pivot: {kind})"
 
 
-def _unknown(system: System, j: int) -> str:
+def _unknown(system: System | Carried, j: int) -> str:
     link = next((x for x in system.links if j in x.columns), None)
     if link is not None and link.turns_about >= 0:
         return f"the angular velocity of {link.name}"
-    return system.model.velocities[j].name
+    return system.labels[j]

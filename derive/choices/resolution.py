@@ -9,7 +9,7 @@ operations of ẋ.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import comb
 
@@ -18,18 +18,27 @@ import numpy as np
 
 from derive.choices.elimination import Dependent, Undetermined
 from derive.choices.explicit import Explicit, explicit
-from derive.choices.limits import FINALISTS, MOST_SUBSETS, NAMED, REGULAR
+from derive.choices.limits import (
+    FEW,
+    FINALISTS,
+    MOST_SUBSETS,
+    NAMED,
+    REGULAR,
+    SETTLED,
+    TRIED,
+    WORTHWHILE,
+)
 from derive.choices.orthonormal import orthonormal
-from derive.choices.reduction import Reduction, by_elimination, unreduced
-from derive.choices.survey import Survey, even_rows, row_lengths, speed_name
+from derive.choices.reduction import Reduction, Task, Way, by_elimination, unreduced
+from derive.choices.survey import Survey, even_rows, row_lengths, speed_name, ways_of
 from derive.diagnostics import NAMES, AssumptionError, listed
 from derive.expressions.counting import alternatives
+from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_one
-from derive.mechanics.records import RowForm, System
+from derive.mechanics.records import Carried, RowForm, System
 from derive.mechanics.rows import velocity_row
 from derive.model.records import Choice
 from derive.numerics import NONZERO
-from derive.states.sampling import States
 
 Score = tuple[tuple[int, bool], int, int, int]
 
@@ -163,12 +172,43 @@ def speed_rows(system: System, choice: Choice) -> list[RowForm]:
     return result
 
 
+def _rows_over(system: System, tree: Carried, rows: Sequence[RowForm]) -> list[RowForm]:
+    """Speed rows over the velocities of a tree with a further frame."""
+    over = replace(system.symbols, v=tree.v)
+    result: list[RowForm] = []
+    for row in rows:
+        velocity = ca.SX(0)
+        for j, coefficient in row.coefficients:
+            velocity += coefficient * tree.speeds[j]
+        coefficients, _, rate = velocity_row(over, tree.qdot, velocity)
+        settled = _settled(tree, coefficients)
+        moves = any(isinstance(x, ca.SX) and not x.is_constant() for _, x in settled)
+        result.append(RowForm(row.name, (), settled, 0.0, rate if moves else 0.0))
+    return result
+
+
+def _settled(
+    tree: Carried, coefficients: Sequence[tuple[int, Scalar]]
+) -> tuple[tuple[int, Scalar], ...]:
+    """Coefficients with 0, 1 or −1 in the place of those that are that whatever t, q and p are:
+    cos² + sin² of an angle that a frame was turned by and back. Seen at random t, q and p."""
+    rng, result = np.random.default_rng(0), list[tuple[int, Scalar]]()
+    given = [rng.normal(size=(x.numel(), TRIED)) for x in (tree.t, tree.q, tree.p)]
+    for j, x in coefficients:
+        function = ca.Function("x", [tree.t, tree.q, tree.p], [ca.SX(x)])
+        values = function.call(given)[0].full().ravel()
+        nearest = round(values[0]) if np.all(np.isfinite(values)) else 2
+        if abs(nearest) > 1 or np.max(np.abs(values - nearest)) > SETTLED:
+            result.append((j, x))
+        elif nearest:
+            result.append((j, float(nearest)))
+    return tuple(result)
+
+
 def carried_out(
     survey: Survey, name: str, kind: str, rows: Sequence[RowForm], reason: str
 ) -> Resolved:
-    """The elimination in every way of writing the constraint blocks; among those with the safest
-    pivots the one that gives v and v̇ with the fewest operations wins, for what follows hardly
-    differs."""
+    """The elimination in every way of writing the constraint blocks; see `_least`."""
     names = tuple(row.name for row in rows)
     if not survey.system.rows and _are_the_base(rows):
         reduction = unreduced(survey.system, names)
@@ -178,42 +218,53 @@ def carried_out(
         )
         return Resolved(ranking, reduction, equations, reason)
     B = _matrix(rows, survey.system.v.numel())
-    sizes, sampled = (
-        [*survey.form_sizes, *row_lengths(_numeric_rows(survey, B)).tolist()],
-        survey.sampled_for(B),
-    )
-    ways = _in_every_way(survey, names, rows, sampled, sizes)
-    counts = alternatives([ca.vertcat(x.v, x.sigma) for x in ways])
-    best = min(
-        range(len(ways)),
-        key=lambda k: (not ways[k].constant_pivots, len(ways[k].guards), counts[k]),
-    )
-    reduction, equations = ways[best], explicit(survey.system, ways[best])
+    sizes = [*survey.form_sizes, *row_lengths(_numeric_rows(survey, B)).tolist()]
+    task = Task(names, B, survey.kept, survey.sampled_for(B), sizes)
+    reduction, equations = _least(survey, task, rows)
     ranking = judged(survey, name, kind, names, reduction, equations)
     return Resolved(ranking, reduction, equations, reason)
 
 
-def _in_every_way(
-    survey: Survey,
-    names: tuple[str, ...],
-    rows: Sequence[RowForm],
-    sampled: States,
-    sizes: Sequence[float],
-) -> list[Reduction]:
-    """The elimination with the constraint rows in every way of writing them that says as much as
-    the first: of rows that repeat each other, others may be the ones to drop about other axes."""
-    reductions: list[Reduction] = []
-    refused: Dependent | Undetermined | None = None
-    for forms in survey.forms:
+def _least(survey: Survey, task: Task, rows: Sequence[RowForm]) -> tuple[Reduction, Explicit]:
+    """Of the system's own velocities and of trees with a further frame, with short twists as forms
+    and without: the safest pivots, then the fewest operations."""
+    system = survey.system
+    found = [_shortest(task, [Way(system, forms, rows) for forms in survey.forms])]
+    for tree in system.carried if system.rows and not survey.combines else ():
+        over = _rows_over(system, tree, rows)
         try:
-            reductions.append(
-                by_elimination(survey.system, names, rows, forms, sampled, survey.kept, sizes)
-            )
+            found.append(_shortest(task, [Way(tree, x, over) for x in ways_of(tree.blocks)]))
+        except (Dependent, Undetermined):
+            continue  # the system's own velocities will do
+    results = [(x, explicit(system, x)) for _, x in found]
+    best = min(range(len(found)), key=lambda k: (_risk(found[k][1]), results[k][1].operations))
+    if len(system.links) > FEW:
+        return results[best]
+    reduction = by_elimination(task, replace(found[best][0], short=1))
+    by_recursion = explicit(system, reduction)
+    shorter = by_recursion.operations < WORTHWHILE * results[best][1].operations
+    return (reduction, by_recursion) if shorter else results[best]
+
+
+def _shortest(task: Task, ways: Sequence[Way]) -> tuple[Way, Reduction]:
+    """Of the ways of writing the rows that say as much as the first (of rows that repeat each
+    other, others may be the ones to drop about other axes) the one with the safest pivots, then
+    the one that gives v and v̇ with the fewest operations, for what follows hardly differs."""
+    found: list[tuple[Way, Reduction]] = []
+    refused: Dependent | Undetermined | None = None
+    for way in ways:
+        try:
+            found.append((way, by_elimination(task, way)))
         except (Dependent, Undetermined) as error:
             refused = refused or error
-    if refused and not reductions:
+    if refused and not found:
         raise refused
-    return reductions
+    counts = alternatives([ca.vertcat(x.v, x.sigma) for _, x in found])
+    return found[min(range(len(found)), key=lambda k: (_risk(found[k][1]), counts[k]))]
+
+
+def _risk(reduction: Reduction) -> tuple[bool, int]:
+    return not reduction.constant_pivots, len(reduction.guards)
 
 
 def _are_the_base(rows: Sequence[RowForm]) -> bool:

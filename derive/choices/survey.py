@@ -3,7 +3,7 @@ of its rows are independent."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product as cartesian
@@ -154,10 +154,7 @@ class Survey:
     def forms(self) -> list[list[RowForm]]:
         """The rows to eliminate, in every way of writing them."""
         if not self.combines:
-            return [
-                [row for block, way in zip(self.system.blocks, ways) for row in block[way]]
-                for ways in _ways(self.system)
-            ]
+            return ways_of(self.system.blocks)
         rows = [row for block in self.system.blocks for row in block[0]]
         combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
         return [
@@ -226,10 +223,17 @@ def survey_of(system: System, moving: bool = False) -> Survey:
     return result
 
 
-def _ways(system: System) -> list[tuple[int, ...]]:
-    """Index of the way of writing per block: all combinations while they are few, else the same way
-    for all blocks."""
-    counts = [len(block) for block in system.blocks]
+def ways_of(blocks: Sequence[Sequence[Sequence[RowForm]]]) -> list[list[RowForm]]:
+    """The rows of all blocks in every way of writing them: all combinations while they are few,
+    else the same way for all blocks."""
+    return [
+        [row for block, way in zip(blocks, ways) for row in block[way]] for ways in _ways(blocks)
+    ]
+
+
+def _ways(blocks: Sequence[Sequence[Sequence[RowForm]]]) -> list[tuple[int, ...]]:
+    """Index of the way of writing per block."""
+    counts = [len(block) for block in blocks]
     if np.prod(counts, dtype=float) <= MOST_WAYS:
         return list(cartesian(*[range(n) for n in counts]))
     return [tuple(min(k, n - 1) for n in counts) for k in range(max(counts))]

@@ -18,10 +18,9 @@ from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import cross, dot, sum_of
 from derive.mechanics.forms import Form, added, constant, crossed, dotted, rotated, total
 from derive.mechanics.links import carried
-from derive.mechanics.records import Link, RowForm, TwistTerm
+from derive.mechanics.records import Link, Numbers, RowForm, TwistTerm
 
 Twist = tuple[list[Form], list[Form]]  # three forms of ω, three of v
-Numbers = tuple[Vector, Vector]
 
 REST: Twist = ([{}, {}, {}], [{}, {}, {}])
 STILL: Numbers = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])

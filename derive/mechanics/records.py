@@ -7,6 +7,7 @@ never functions of time. Parameters that were made constants are numbers already
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -17,6 +18,8 @@ from derive.joints.records import Rotation
 from derive.mechanics.limits import LONG
 from derive.mechanics.symbols import Symbols
 from derive.model.records import FirstOrderState, Model, Parameter
+
+Numbers = tuple[Vector, Vector]  # a twist (ω, v)
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,63 @@ class RowForm:
 
 
 @dataclass(frozen=True)
+class Spinless:
+    """A frame that takes no part in the last turn of a free joint, about e_k: its link, and where
+    in the velocities ω·e_a, the frame's own ω·e_k and the body's Ω = ω·e_k stand. `along` and
+    `about` are f·e_a and f·e_k of the axis f of the first turn."""
+
+    link: int
+    axis: int
+    beside: int
+    column: int
+    spin: int
+    along: Scalar
+    about: Scalar
+
+    def rate(self, beside: Scalar) -> Scalar:
+        """ω·e_k of the frame, from ω·e_a."""
+        return self.about * (beside / self.along)
+
+    def still(self, v: Sequence[Scalar]) -> Vector:
+        """The velocities of a frame that does not turn about e_k: the body's rate in it is Ω."""
+        return [0.0 if j == self.column else x for j, x in enumerate(v)]
+
+    def relative(self, v: Sequence[Scalar]) -> Vector:
+        """With the body's rate in the frame, θ̇₃ = Ω − ω·e_k, in the place of Ω."""
+        return [x - v[self.column] if j == self.spin else x for j, x in enumerate(v)]
+
+    def turning(self, twists: Sequence[Numbers], v: Sequence[Scalar]) -> list[Numbers]:
+        """Twists (ω, v) of links with the frame's own ω·e_k."""
+        omega, velocity = twists[self.link]
+        own = [v[self.column] if i == self.axis else x for i, x in enumerate(omega)]
+        return [(own, velocity) if i == self.link else x for i, x in enumerate(twists)]
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The links of a system with a further frame, over velocities v' of their own. `blocks` are the
+    constraint rows in every way of writing them; `speeds` is v and `qdot` q̇, over v'. `body` is the
+    link whose twist, in the axes `turned` (body's own ← link), the velocities `columns` of the
+    system are."""
+
+    t: ca.SX
+    q: ca.SX
+    p: ca.SX
+    v: ca.SX
+    labels: tuple[str, ...]
+    links: tuple[Link, ...]
+    inertias: tuple[tuple[Inertia, ...], ...]
+    blocks: tuple[tuple[tuple[RowForm, ...], ...], ...]
+    gravity: Vector
+    speeds: ca.SX
+    qdot: ca.SX
+    frame: Spinless
+    body: int
+    turned: Matrix
+    columns: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class System:
     """See the module's first lines; `blocks` are the constraint rows grouped, each in several
     equivalent ways of writing."""
@@ -165,8 +225,15 @@ class System:
     # of what is in Q and not −∂V/∂q, ∂(V − T)/∂t of formulas, ∂(V + T)/∂t of bodies that lose mass:
     # d(energy)/dt = power + λᵀ c
     power: Term[ca.SX] = Term()
+    # the same with further frames, for rows that are short there (derive.mechanics.carriers)
+    carried: Term[tuple[Carried, ...]] = Term()
     # equivalent sets: as given, and regrouped across the joints
     inertias: Term[tuple[tuple[Inertia, ...], ...]] = Term()
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The names of v."""
+        return tuple(x.name for x in self.model.velocities)
 
     @property
     def long(self) -> bool:

@@ -10,7 +10,7 @@ import casadi as ca
 
 from derive.expressions.scalars import Matrix, Vector
 from derive.mechanics.motion import Numbers
-from derive.mechanics.records import Link, Place, Row, RowForm
+from derive.mechanics.records import Link, Place, Row, RowForm, Spinless
 from derive.mechanics.symbols import Symbols
 from derive.mechanics.tree import ground_positions, ground_rotations, twists
 from derive.model.records import (
@@ -24,13 +24,15 @@ NOTHING: Vector = [0.0, 0.0, 0.0]
 
 @dataclass(frozen=True)
 class Scene:
-    """What a constraint needs to know: symbols, q̇ = N v, and where every body is."""
+    """What a constraint needs to know: symbols, q̇ = N v, and where every body is; `frame` where the
+    links are those of a tree with a further frame (derive.mechanics.carriers)."""
 
     model: Model
     symbols: Symbols
     qdot: ca.SX
     links: tuple[Link, ...]
     places: dict[str, Place]
+    frame: Spinless | None = None
 
     @cached_property
     def rotations(self) -> list[Matrix]:
@@ -45,8 +47,10 @@ class Scene:
     @cached_property
     def numbers(self) -> list[Numbers]:
         """Twists (ω, v) of the links, in their frames."""
-        v = self.symbols.v
-        return twists(self.links, [v[i] for i in range(v.numel())])
+        v = [self.symbols.v[i] for i in range(self.symbols.v.numel())]
+        if self.frame is None:
+            return twists(self.links, v)
+        return self.frame.turning(twists(self.links, self.frame.still(v)), v)
 
     @cached_property
     def omegas(self) -> list[Vector]:

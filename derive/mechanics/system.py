@@ -16,6 +16,7 @@ from derive.joints import joint_type
 from derive.joints.rotations import is_zero
 from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.blocks import blocks
+from derive.mechanics.carriers import carried
 from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
@@ -175,6 +176,7 @@ def _assembled(
         events=events(scene, measured),
         rows=tuple(row for block in found for row in block.rows),
         links=links,
+        carried=Deferred(lambda: carried(scene, g)),
         inertias=Deferred(inertias),
         places=tuple(scene.places.items()),
         blocks=tuple(block.ways for block in found),

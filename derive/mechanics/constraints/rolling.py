@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -24,6 +24,7 @@ from derive.joints.rotations import (
     rotated,
     scaled,
     sum_of,
+    times,
     transpose,
 )
 from derive.mechanics.constraints.records import Tie
@@ -43,12 +44,14 @@ Way = tuple[Vector, Vector]  # a direction, and r × direction, r from the centr
 class Wheel:
     """The body as its rows are written: in the frame of its link or, where it turns about its own
     axis on another link, in that link's, which does not spin with it. `axis` and `centre` in that
-    frame; `spin`: the velocity of that turn and its motion, −1 where there is none."""
+    frame; `spinning`: the link that turns about the axis, which is `own_axis` there, −1 where it is
+    that of `place`."""
 
     place: Place
     axis: Vector
     centre: Vector
-    spin: tuple[int, Vector] = (-1, NOTHING)
+    spinning: int = -1
+    own_axis: Vector = field(default_factory=lambda: NOTHING)
 
 
 def rolling(scene: Scene, constraint: Rolling) -> Block:
@@ -57,11 +60,11 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
 
     Disk: P = centre + r d with d = −(n − (n·e) e)/|…|, the steepest way down in the disk; torus: P
     = centre + r d − tube n; sphere: P = centre − r n. Directions: n, t₁ = e × n/|…| (forward), t₂ =
-    n × t₁; or, which is the same, the axes of the frame it is written in. In the plane a wheel has
-    n and t₁ only.
+    n × t₁; or, which is the same, the axes of the frame it is written in, or those of a wheel that
+    leans: d, t₁ and e. In the plane a wheel has n and t₁ only.
     """
     base = scene.places[constraint.carrier]
-    wheel = _wheel(scene, constraint)
+    wheel = wheel_of(scene, constraint)
     back = _from_carrier(scene, wheel.place, base)
     foot = _foot(scene, constraint)
     # the normal of a surface changes from place to place, that of a plane with its body alone
@@ -81,22 +84,25 @@ def rolling(scene: Scene, constraint: Rolling) -> Block:
         for k in axes_in_plane(scene, wheel.place.link)
     )  # fmt: skip
     marks = tuple(Row(row.name, 0 if i == 0 else -1, "m/s") for i, row in enumerate(rows))
-    ways = (rows, along_body) if len(along_body) == len(rows) else (rows,)
+    leaning = _leaning_rows(normal, constraint, wheel, base.link)
+    ways = tuple(way for way in (rows, along_body, leaning) if len(way) == len(rows))
     return Block(marks, (phi,), ways)
 
 
-def _wheel(scene: Scene, constraint: Rolling) -> Wheel:
-    s, place = scene.symbols, scene.places[constraint.body]
-    axis = link_direction(place, s.vector(constraint.axis))
-    centre = link_point(place, s.vector(constraint.centre))
-    link = scene.links[place.link] if place.link >= 0 else None
-    if link is None or link.parent < 0 or not _spins(link, axis, difference(centre, link.b)):
-        return Wheel(place, axis, centre)
-    still = matrix(tuple(x for x in link.rotation if isinstance(x, Still)))
-    middle = sum_of(link.a, rotated(still, difference(centre, link.b)))
-    motion = rotated(still, list(link.motion[0][:3]))
-    return Wheel(Place(link.parent, (), NOTHING), rotated(still, axis), middle,
-                 (link.columns[0], motion))  # fmt: skip
+def wheel_of(scene: Scene, constraint: Rolling) -> Wheel:
+    """From link to link as long as each turns about the axis of the body, through its centre."""
+    s, own = scene.symbols, scene.places[constraint.body]
+    axis = own_axis = link_direction(own, s.vector(constraint.axis))
+    centre, place = link_point(own, s.vector(constraint.centre)), own
+    while place.link >= 0:
+        link = scene.links[place.link]
+        if link.parent < 0 or not _spins(link, axis, difference(centre, link.b)):
+            break
+        still = matrix(tuple(x for x in link.rotation if isinstance(x, Still)))
+        centre = sum_of(link.a, rotated(still, difference(centre, link.b)))
+        axis, place = rotated(still, axis), Place(link.parent, (), NOTHING)
+    spinning = -1 if place.link == own.link else own.link
+    return Wheel(place, axis, centre, spinning, own_axis)
 
 
 def _spins(link: Link, axis: Vector, centre: Vector) -> bool:
@@ -127,7 +133,8 @@ def _contact(
         contact = [dot([-radius], [x]) for x in n]
         directions = _directions(scene, constraint, back, n)
         return contact, [(d, cross(contact, d)) for d in directions]
-    forward, length = _forward(scene, constraint, e, n)
+    lean = _lean(scene, constraint, e, n)
+    forward, length = scaled(lean.side, lean.forward), times(lean.side, lean.length)
     tube, sideways = s.scalar(constraint.tube), cross(n, forward)
     contact = difference(scaled(radius, cross(e, forward)), scaled(tube, n))
     if constraint.surface is not None:
@@ -141,15 +148,99 @@ def _contact(
     return contact, list(zip([n, forward, sideways], turning))
 
 
-def _forward(scene: Scene, constraint: Rolling, e: Vector, n: Vector) -> tuple[Vector, Scalar]:
-    """e × n/|e × n|, and that length. AssumptionError for a disk that lies flat on the plane
-    however the body moves: it has no lowest point."""
+@dataclass(frozen=True)
+class Lean:
+    """How a wheel stands on a plane: e along the axle, forward f = e × n/ℓ, down d = e × f, so that
+    n = −ℓ d + ν e. ℓ is ±|e × n|, whichever is a smooth function, and `side` its sign."""
+
+    axle: Vector
+    forward: Vector
+    down: Vector
+    length: Scalar
+    along: Scalar
+    side: Scalar
+
+
+def _lean(scene: Scene, constraint: Rolling, e: Vector, n: Vector) -> Lean:
+    """AssumptionError for a disk that lies flat on the plane however the body moves: it has no
+    lowest point."""
     across = cross(e, n)
     size = dot(across, across)
     if isinstance(size, float) and size < FLAT**2:
         raise AssumptionError(_flat(scene, constraint))
-    length = ca.sqrt(size)
-    return [x / length if not is_zero(x) else 0.0 for x in across], length
+    entries = [x for x in across if not is_zero(x)]
+    length, side = ca.sqrt(size), 1.0
+    if len(entries) == 1:  # the length is |x|: x itself has a slope where that has none
+        length, side = entries[0], ca.sign(entries[0])
+        forward: Vector = [0.0 if is_zero(x) else 1.0 for x in across]
+    else:
+        forward = [0.0 if is_zero(x) else x / length for x in across]
+    return Lean(e, forward, cross(e, forward), length, dot(n, e), side)
+
+
+def _leaning_rows(
+    normal: _Normal, constraint: Rolling, wheel: Wheel, carrier: int
+) -> tuple[RowForm, ...]:
+    """Rows down in the wheel, forward and along the axle; none for a body without an axle, or on
+    what is not the ground's plane.
+
+    r = ρ d − σ e with ρ = ±radius + tube ℓ and σ = tube ν: of a disk r is along d, so that its
+    turning does not enter the first row, and only its spin the second. Their rates are those where
+    the contact is at rest: r' × direction, with d' = β f, β = ω·e + (ν/ℓ) ω·d,
+
+        r' = −tube ν (ω·f) d + ρ β f − tube ℓ (ω·f) e.
+    """
+    scene, ground = normal.scene, constraint.surface is None and carrier < 0
+    if scene.model.plane or constraint.shape == "sphere" or not ground or wheel.place.link < 0:
+        return ()
+    s, x = scene.symbols, _lean(scene, constraint, wheel.axis, normal.value)
+    radius, tube = s.scalar(constraint.radius), s.scalar(constraint.tube)
+    rho, sigma = plus(times(x.side, radius), dot([tube], [x.length])), dot([tube], [x.along])
+    omega = scene.omegas[wheel.place.link]
+    turning = plus(dot(omega, x.axle), dot([x.along / x.length], [dot(omega, x.down)]))
+    if all(isinstance(a, float) for a in x.forward):
+        turning = 0.0  # its place in the frame is fixed
+    slope = minus(0.0, dot([tube], [dot(omega, x.forward)]))
+    inward, sideways = dot([slope], [x.along]), dot([slope], [x.length])
+    ahead = dot([rho], [turning])
+    down = (scaled(sigma, x.forward), 0.0), (scaled(minus(0.0, sideways), x.forward), ahead)
+    forward = (
+        (scaled(minus(0.0, sigma), x.down), minus(0.0, rho)),
+        (scaled(sideways, x.down), minus(0.0, inward)),
+    )
+    axle = (
+        (scaled(rho, x.forward), 0.0),
+        (difference(scaled(inward, x.forward), scaled(ahead, x.down)), 0.0),
+    )
+    ways = zip(("down", "forward", "along the axle"), (x.down, x.forward, x.axle),
+               (down, forward, axle))  # fmt: skip
+    return tuple(
+        _row_at_rest(f"{constraint.name} {name}", wheel, direction, *moments)
+        for name, direction, moments in ways
+    )
+
+
+def _row_at_rest(
+    name: str,
+    wheel: Wheel,
+    direction: Vector,
+    here: tuple[Vector, Scalar],
+    rate: tuple[Vector, Scalar],
+) -> RowForm:
+    """direction · v + moment · ω of the wheel, the moment and its rate given by what is across the
+    axle and what is along it."""
+    across, moving = here[0], rate[0]
+    terms: list[TwistTerm] = []
+    if wheel.spinning < 0:
+        across = sum_of(across, scaled(here[1], wheel.axis))
+        moving = sum_of(moving, scaled(rate[1], wheel.axis))
+    elif not is_zero(here[1]) or not is_zero(rate[1]):
+        axial, moved = (scaled(x, wheel.own_axis) for x in (here[1], rate[1]))
+        terms.append(TwistTerm(wheel.spinning, NOTHING, NOTHING, axial, "state",
+                               NOTHING, NOTHING, moved))  # fmt: skip
+    first = TwistTerm(wheel.place.link, direction, wheel.centre, across, "state",
+                      NOTHING, NOTHING, moving)  # fmt: skip
+    return RowForm(name, (first, *terms))
 
 
 def _flat(scene: Scene, constraint: Rolling) -> Diagnostic:
@@ -259,21 +350,52 @@ def _moving_row(
 ) -> RowForm:
     """direction · (velocity of the body's point − that of the carrier's, at the same place); both
     given in the wheel's frame."""
-    scene, (link, carrier) = normal.scene, links
-    terms = [_moving_term(normal, link, wheel.centre, way)]
-    if carrier >= 0:
-        turned = matrix(relative_rotation(scene.links, carrier, link))
-        ground = sum_of(scene.positions[link], rotated(scene.rotations[link], point))
-        gap = difference(ground, scene.positions[carrier])
-        inside = rotated(transpose(scene.rotations[carrier]), gap)
-        opposite: Vector = [minus(0.0, x) for x in rotated(turned, way[0])]
-        terms.append(_moving_term(normal, carrier, inside, (opposite, NOTHING)))
-    j, motion = wheel.spin
-    spinning = 0.0 if j < 0 else dot(motion, way[1])
+    link, carrier = links
+    base = [_carrier_term(normal, links, point, way)] if carrier >= 0 else []
+    first = _moving_term(normal, link, wheel.centre, way)
+    if wheel.spinning < 0:
+        return RowForm(name, (first, *base))
+    own = normal.scene.links[wheel.spinning]
+    if own.parent == link and normal.scene.frame is None:
+        here, rate = _joint_spin(normal, own, way)
+        spin = () if is_zero(here) else ((own.columns[0], here),)
+        return RowForm(name, (first, *base), spin, 0.0, rate)
+    # of several turns about the axle the rows know the sum alone: what the wheel itself does
+    across, along = _across(way[1], wheel.axis), dot(way[1], wheel.axis)
+    terms = [_moving_term(normal, link, wheel.centre, (way[0], across))]
+    if not is_zero(along):
+        spin_way = (NOTHING, scaled(along, wheel.own_axis))
+        terms.append(_moving_term(normal, wheel.spinning, NOTHING, spin_way))
+    return RowForm(name, (*terms, *base))
+
+
+def _joint_spin(normal: _Normal, own: Link, way: Way) -> tuple[Scalar, Scalar]:
+    """What the rate of the wheel's own joint is multiplied by, and what that adds to the row's
+    rate."""
+    still = matrix(tuple(x for x in own.rotation if isinstance(x, Still)))
+    spinning = dot(rotated(still, list(own.motion[0][:3])), way[1])
     if is_zero(spinning):
-        return RowForm(name, tuple(terms))
+        return 0.0, 0.0
     (here,), (rate,) = normal.put_in([spinning]), normal.rate([spinning])
-    return RowForm(name, tuple(terms), ((j, here),), 0.0, -dot([rate], [scene.symbols.v[j]]))
+    return here, -dot([rate], [normal.scene.symbols.v[own.columns[0]]])
+
+
+def _carrier_term(normal: _Normal, links: tuple[int, int], point: Vector, way: Way) -> TwistTerm:
+    """The carrier's material point at the contact, in the carrier's frame."""
+    scene, (link, carrier) = normal.scene, links
+    turned = matrix(relative_rotation(scene.links, carrier, link))
+    ground = sum_of(scene.positions[link], rotated(scene.rotations[link], point))
+    gap = difference(ground, scene.positions[carrier])
+    inside = rotated(transpose(scene.rotations[carrier]), gap)
+    opposite: Vector = [minus(0.0, x) for x in rotated(turned, way[0])]
+    return _moving_term(normal, carrier, inside, (opposite, NOTHING))
+
+
+def _across(x: Vector, axis: Vector) -> Vector:
+    """What of x is at right angles to a unit axis."""
+    if sum(not is_zero(e) for e in axis) == 1:
+        return [a if is_zero(e) else 0.0 for a, e in zip(x, axis)]
+    return difference(x, scaled(dot(x, axis), axis))
 
 
 def _moving_term(normal: _Normal, link: int, point: Vector, way: Way) -> TwistTerm:

@@ -32,7 +32,7 @@ pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C c
 EXACT: dict[int, Callable[..., Any]] = {
     ca.OP_ADD: lambda a, b: a + b, ca.OP_SUB: lambda a, b: a - b, ca.OP_MUL: lambda a, b: a * b, ca.OP_DIV: lambda a, b: a / b,
     ca.OP_NEG: lambda a: -a, ca.OP_SQ: lambda a: a * a, ca.OP_TWICE: lambda a: 2 * a, ca.OP_INV: lambda a: 1 / a,
-    ca.OP_SIN: mpmath.sin, ca.OP_COS: mpmath.cos, ca.OP_SQRT: mpmath.sqrt, ca.OP_FABS: abs, ca.OP_ASSIGN: lambda a: a,
+    ca.OP_SIN: mpmath.sin, ca.OP_COS: mpmath.cos, ca.OP_SQRT: mpmath.sqrt, ca.OP_FABS: abs, ca.OP_SIGN: mpmath.sign, ca.OP_ASSIGN: lambda a: a,
     ca.OP_CONSTPOW: lambda a, b: a**b, ca.OP_POW: lambda a, b: a**b,
 }  # fmt: skip
 

@@ -137,7 +137,12 @@ static void one_by_one(const Motions *all, const Method *method)
     }
 }
 
-#if HAS_INPUTS
+#define SIDE_BY_SIDE (HAS_LANES && (EXPLICIT_STAGES || HAS_LANES_TAYLOR))
+#if !HAS_LANES_TAYLOR
+#define SERIES_ROOM 0
+#endif
+
+#if HAS_INPUTS && (SIDE_BY_SIDE || HIGHEST_ORDER)
 /* Does a callback give any of the inputs? */
 static int any_calls(const Motions *all)
 {
@@ -147,11 +152,6 @@ static int any_calls(const Motions *all)
             return 1;
     return 0;
 }
-#endif
-
-#define SIDE_BY_SIDE (HAS_LANES && (EXPLICIT_STAGES || HAS_LANES_TAYLOR))
-#if !HAS_LANES_TAYLOR
-#define SERIES_ROOM 0
 #endif
 
 #if SIDE_BY_SIDE

@@ -131,7 +131,15 @@ def _error(e: Evidence, name: str, got: Array) -> float:
         return float("inf")
     unit = e.units.of(e.graph.equations.function(name))
     got, wanted, roundoff = (y[regular] / unit for y in (got, wanted, roundoff))
+    roundoff = _of_zeros_too(wanted, roundoff)
     return worst((got - wanted) / np.maximum(sizes(wanted, floor=0.0), MANY * roundoff / EXACT))
+
+
+def _of_zeros_too(wanted: Array, roundoff: Array) -> Array:
+    """Where the graph has an exact zero a loop over columns may compute it: as a sum that cancels,
+    with what roundoff does to the others."""
+    zero = ~(wanted.any(axis=0) | roundoff.any(axis=0))
+    return np.where(zero, roundoff.max(axis=1, keepdims=True), roundoff) if zero.any() else roundoff
 
 
 def _rightly_refused(e: Evidence, name: str, got: Array) -> Array:

@@ -1,7 +1,8 @@
 """A free body that rolls, walked in a frame that does not spin with its wheel, against the
 reference in numbers.
 
-Of derive.mechanics: carriers, constraints/rolling; of derive.choices: resolution, reduction.
+Of derive.mechanics: carriers.
+Of derive.choices: resolution, reduction.
 """
 
 from __future__ import annotations

@@ -12,9 +12,8 @@ STEPPED = (POWER, "project", "constraints", "guards")  # what a step calls besid
 WATCHED = "events"  # and where something is looked for; without it motions with events go alone
 PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
-    "and", "or", "not", "where",
+    "and", "or", "not", "where", "copysign", "fmin", "fmax",
 })  # fmt: skip
-LARGEST = frozenset({"fmin", "fmax"})  # of functions that a step calls: in lanes by comparison
 # statements, inputs and outputs together: longer loops over lanes take compilers too long
 WIDEST = 1_500
 # numbers of a function of loops over links: of one lane, and eight of them go on the stack
@@ -82,9 +81,8 @@ def _is_straight(kernel: Kernel) -> bool:
     values = [s.value for section in kernel.sections for s in section.statements]
     values += [*kernel.outputs, *(guard.value for guard in kernel.guards)]
     size = len(kernel.x.names) + len(values)
-    plain = PLAIN if kernel.name in BATCHED else PLAIN | LARGEST
     most = LONGEST if kernel.name in BATCHED[1:] else WIDEST
-    return size <= most and all(is_plain(value, plain) for value in values)
+    return size <= most and all(is_plain(value, PLAIN) for value in values)
 
 
 def values_of(visit: Visit) -> list[Expression]:

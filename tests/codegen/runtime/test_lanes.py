@@ -15,7 +15,7 @@ from codegen import compiler, loader
 from codegen.emit import emit
 from codegen.integrators import INTEGRATORS, Tableau
 from codegen.passes import program
-from codegen.passes.lanes import side_by_side
+from codegen.passes.lanes import is_batched, side_by_side
 from codegen.passes.taylor import SERIES, series_in_lanes
 from derive.enforcement import ENFORCEMENTS
 from hamel.build.module import published
@@ -98,6 +98,11 @@ def test_these_go_side_by_side() -> None:
     """Else the tests above compare a loop with itself."""
     for e in (*map(derived, ("four_bar", "pendulum", "snake3")), circle()):
         assert side_by_side(program(e)) and series_in_lanes(program(e))
+
+
+def test_reflections_go_side_by_side() -> None:
+    """Blocks of pivots of the waveboard are solved by them: copysign and fmin are instructions."""
+    assert is_batched(program(derived("waveboard"), ("dynamics",)).kernel("dynamics"))
 
 
 @pytest.mark.parametrize("integrator", ["dop853", SERIES])

@@ -122,7 +122,7 @@ def files(program: Program) -> dict[str, str]:
                     bodies=batches,
                     stepped=stepped,
                     moved=_moved(program, [*batches, *stepped]),
-                    compared=_compared(stepped),
+                    compared=_compared([*batches, *stepped]),
                     **data,
                 ),
                 f"{program.name}_lanes.h": text.render(

@@ -18,8 +18,11 @@ from codegen.passes import program
 from codegen.passes.lanes import is_batched, side_by_side
 from codegen.passes.taylor import SERIES, series_in_lanes
 from derive.enforcement import ENFORCEMENTS
+from derive.formulations import equations
+from derive.model import load
+from derive.states import system
 from hamel.build.module import published
-from tests.scenes import derived
+from tests.scenes import MODELS, derived
 from tests.toy import circle
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -276,3 +279,14 @@ def test_work_is_summed_up_where_a_force_does_any() -> None:
 
 def _simulate_of(name: str) -> str:
     return emit(program(derived(name), None, EXPLICIT))[f"{name}_simulate.c"]
+
+
+def test_comparisons_in_lanes_are_defined_where_they_are_called() -> None:
+    """Also where dynamics alone compare: wishbones."""
+    found = equations(system(load(MODELS / "gallery" / "wishbones.yaml")))
+    texts = emit(program(found, ("dynamics",)))
+    batch = next(text for name, text in texts.items() if name.endswith("_batch.c"))
+    called = set(re.findall(r"(LARGER|SMALLER)\(", batch))
+    assert called
+    for name in called:
+        assert f"INLINE double {name}(double a, double b)" in batch

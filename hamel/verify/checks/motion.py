@@ -38,6 +38,8 @@ MOTIONS, TRIED = 3, 5  # of the best conditioned states
 HALVED = (1, 2, 4, 8, 16, 32, 64)  # equal steps of the module, for the order …
 ENOUGH = 0.1  # so small a part of the order may lack without looking at further motions
 SMOOTH = 1e-6
+BETTER = 0.02  # of the error of a step of the module
+LOOKED_AT = 6  # states, for some motions are not smooth
 LONGER = (2.0, 4.0, 8.0)  # … over so many times as long
 FAR = 1e-2  # errors above do not fall in proportion yet, …
 EXACT = 1e-11  # … and those below may be roundoff
@@ -79,10 +81,11 @@ def _slopes(e: Evidence) -> Iterator[list[float]]:
     """Per smooth motion log₂ of how much smaller an error half the step leaves, where both can be
     told from roundoff.
 
-    Where forces have kinks no method shows its order: smooth is what one extrapolated step of the
-    reference gets nearly right.
+    Where forces have kinks, or turn within a fraction of the step as smoothed friction does, no
+    method shows its order: smooth is what one extrapolated step of the reference gets nearly right,
+    and much better than one step of the module.
     """
-    for k, times in product(best_conditioned(e)[:MOTIONS], LONGER):
+    for k, times in product(best_conditioned(e)[:LOOKED_AT], LONGER):
         s = e.samples[k]
         span = times * time_scale(e, s)
         try:
@@ -94,6 +97,8 @@ def _slopes(e: Evidence) -> Iterator[list[float]]:
         if not rough <= SMOOTH:
             continue
         errors = [_apart(e, other, end) for other in others]
+        if not rough <= BETTER * max(EXACT, errors[0]):
+            continue
         yield [float(np.log2(a / b)) for a, b in pairwise(errors) if b > EXACT and a < FAR]
 
 

@@ -25,14 +25,15 @@ def gap(first: Vector, second: Vector, parameters: ca.SX) -> Vector:
 @dataclass
 class Sum:
     """Terms of a sum: those that move, with their signs, and of what is constant how often each
-    parameter occurs ("" is the number one)."""
+    parameter occurs, by its hash (0 stands for the number one)."""
 
     known: frozenset[int]
     moving: list[tuple[float, ca.SX]] = field(default_factory=list[tuple[float, ca.SX]])
     constant: dict[int, tuple[float, ca.SX]] = field(default_factory=dict[int, tuple[float, ca.SX]])
 
     def add(self, sign: float, whole: ca.SX) -> bool:
-        """Whether the terms of `whole` could be told apart, and some are constant and some move."""
+        """Takes the terms of sign · `whole`. Returns whether there were at most LONG_SUM nodes of
+        them, and some are constant and some move; else the sum is of no use."""
         open_terms, before, constants = [(sign, whole)], len(self.moving), 0
         for _ in range(LONG_SUM):
             if not open_terms:

@@ -1,5 +1,5 @@
 """A module to run: one formulation, one choice, and what an enforcement makes of the equations;
-with all integrators in it."""
+with the integrators that are compared."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from codegen.integrators import INTEGRATORS
 from codegen.passes.taylor import SERIES, series_refusal
 from derive.diagnostics import AssumptionError
 from derive.enforcement import (
@@ -75,9 +74,15 @@ def _start(path: str, values: tuple[tuple[str, float | str], ...]) -> Start:
 
 
 def module(
-    path: str, values: Mapping[str, float | str], unit: Mapping[str, str], span: float, folder: str
+    path: str,
+    values: Mapping[str, float | str],
+    unit: Mapping[str, str],
+    span: float,
+    folder: str,
+    integrators: Sequence[str],
 ) -> dict[str, Any]:
-    """Builds the module of a unit into `folder`; what runs need to know of it."""
+    """Builds the module of a unit with these integrators into `folder`; what runs need to know of
+    it."""
     begin = start(path, values)
     plain = plain_equations(begin, unit)
     alpha = _rate(begin, plain, span) if unit["own"] else None
@@ -88,11 +93,11 @@ def module(
         raise AssumptionError("; ".join(refused.values()))
     formed = _formed(begin, unit, plain, fitting, options)
     names = [function.name for function in formed.functions if function.name in FUNCTIONS]
-    methods = [method.name for method in INTEGRATORS if method.name != SERIES]
+    methods = [name for name in integrators if name != SERIES]
     enforcements = [enforcement.name for enforcement in fitting]
     program = program_of(formed, names, integrators=methods, enforcements=enforcements)
-    unfit = series_refusal(program)
-    if not unfit:
+    unfit = series_refusal(program) if SERIES in integrators else ""
+    if SERIES in integrators and not unfit:
         program = replace(program, integrators=(*program.integrators, SERIES))
     published(program, folder)
     return {

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from codegen.integrators import INTEGRATORS
+from derive.formulations.charts import BETWEEN
 from hamel.engines import Engine
 from hamel.study import libraries, modules, plan, runs
 from hamel.study.judgement import Judge, Reference, agreed
@@ -25,6 +26,8 @@ from hamel.study.series import Outcome, Task, outcomes
 # Of the two runs of the reference: two integrators on two formulations, so that they share no error
 # of discretisation. The second pair is tried where the first takes too long.
 TIGHT = ((("dop853", 1e-14), ("dopri5", 1e-14)), (("radau", 1e-11), ("dop853", 1e-11)))
+
+GOES_ANYWHERE = "orthonormal"  # the choice that is regular wherever the constraint rows are
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,7 @@ def study(
         case, asked, workers, Results(case.path, options), folder, advance, [*planned.excluded]
     )
     units = _built(so_far, planned.units)
+    units += _built(so_far, _charts(so_far, units))
     judge = Judge(start.system, _reference(so_far, units), case.span)
     measured = _measured(so_far, units, _runs(so_far, units, judge.reference.scale))
     measured += _library_rows(so_far, units)
@@ -109,11 +113,24 @@ def _name(unit: Unit, *more: str) -> str:
     return "|".join((unit.formulation, unit.choice, unit.own, *more))
 
 
+def _integrators(asked: Restrictions) -> list[str]:
+    """What modules are built with: the integrators asked for, those of the reference solution, and
+    the first, which shows violations over time."""
+    exact = [name for pair in TIGHT for name, _ in pair]
+    wanted = {*asked.integrators, INTEGRATORS[0].name, *exact}
+    return [x.name for x in INTEGRATORS if not asked.integrators or x.name in wanted]
+
+
+def _built_name(so_far: Progress, unit: Unit) -> str:
+    """Of what is known of a unit's module: another one with other integrators in it."""
+    return _name(unit, "built", *(_integrators(so_far.asked) if so_far.asked.integrators else ()))
+
+
 def _built(so_far: Progress, units: Sequence[Unit]) -> list[Unit]:
     """The units that can be built, known or built now; the others are noted with their reasons."""
     _ensure(
         so_far,
-        [unit for unit in units if _name(unit, "built") not in so_far.results],
+        [unit for unit in units if _built_name(so_far, unit) not in so_far.results],
         time.monotonic() + so_far.asked.budget,
     )
     good = []
@@ -122,7 +139,7 @@ def _built(so_far: Progress, units: Sequence[Unit]) -> list[Unit]:
             "refused": f"not built: the {so_far.asked.budget:g} s for modules were used up; "
             "the same command goes on"
         }
-        about: dict[str, Any] = so_far.results.get(_name(unit, "built")) or late
+        about: dict[str, Any] = so_far.results.get(_built_name(so_far, unit)) or late
         if "refused" in about:
             so_far.excluded.append(
                 Excluded(unit.formulation, unit.choice, unit.own, "", about["refused"])
@@ -147,7 +164,8 @@ def _ensure(so_far: Progress, units: Sequence[Unit], end: float = math.inf) -> N
     series = [[_building(so_far, unit)] for unit in missing]
     with closing(outcomes(so_far.workers, series)) as finished:
         for outcome in finished:
-            unit, name = outcome.task.subject, _name(outcome.task.subject, "built")
+            unit = outcome.task.subject
+            name = _built_name(so_far, unit)
             if outcome.status == "done":
                 so_far.ready[unit] = outcome.task.arguments["folder"]
                 so_far.results.put(name, outcome.value)
@@ -161,11 +179,29 @@ def _building(so_far: Progress, unit: Unit) -> Task:
     """Builds the module of a unit, in a folder of its own."""
     place = str(so_far.folder / f"unit{next(so_far.places)}" / "module")
     case = so_far.case
-    arguments = {**case.start, "unit": unit.about, "span": case.span, "folder": place}
+    arguments = {
+        **case.start,
+        "unit": unit.about,
+        "span": case.span,
+        "folder": place,
+        "integrators": _integrators(so_far.asked),
+    }
     return Task(modules.module, arguments, BUILD_LIMIT + GRACE, unit)
 
 
 # ---- reference
+
+
+def _charts(so_far: Progress, units: Sequence[Unit]) -> list[Unit]:
+    """The default choice with the orthonormal one as its other chart, as `hamel simulate` goes on,
+    where the motion leaves the default choice alone at a singular position."""
+    alone = [unit for unit in units if unit.formulation == DEFAULT and not unit.own]
+    if so_far.asked.choices or not alone or GOES_ANYWHERE not in {unit.choice for unit in alone}:
+        return []
+    default = alone[0]
+    if default.choice == GOES_ANYWHERE or _exact(so_far, [default], *TIGHT[0][0]):
+        return []
+    return [Unit(DEFAULT, BETWEEN.join((default.choice, GOES_ANYWHERE)))]
 
 
 def _reference(so_far: Progress, units: Sequence[Unit]) -> Reference:
@@ -228,7 +264,7 @@ def _title(unit: Unit) -> str:
 
 
 def _usual(so_far: Progress, unit: Unit) -> str:
-    return so_far.results[_name(unit, "built")]["enforcements"][0]
+    return so_far.results[_built_name(so_far, unit)]["enforcements"][0]
 
 
 # ---- rows
@@ -245,7 +281,7 @@ def _runs(so_far: Progress, units: Sequence[Unit], scale: int) -> Wanted:
         {units[0], *(unit for unit in units if unit.formulation == "augmented")} if units else set()
     )
     for unit in units:
-        built = so_far.results[_name(unit, "built")]
+        built = so_far.results[_built_name(so_far, unit)]
         planned = plan.runs(asked, built["enforcements"], unit in compared, scale)
         wanted += [(unit, run) for run in planned if run["integrator"] in built["integrators"]]
     return sorted(
@@ -331,7 +367,7 @@ def _collected(so_far: Progress, wanted: Wanted) -> Made:
         if row is None:
             late[unit] = late.get(unit, 0) + 1
             continue
-        operations = so_far.results[_name(unit, "built")]["operations"]
+        operations = so_far.results[_built_name(so_far, unit)]["operations"]
         results.append((unit, run, {**row, "operations": operations}))
     for unit, count in late.items():
         budget = f"the {so_far.asked.budget:g} s for this model were used up"
@@ -397,7 +433,7 @@ def _tracks(so_far: Progress, units: Sequence[Unit]) -> list[dict[str, Any]]:
     any."""
     wanted = []
     for unit in units:
-        known = so_far.results[_name(unit, "built")]["enforcements"]
+        known = so_far.results[_built_name(so_far, unit)]["enforcements"]
         enforcements = [
             enforcement
             for enforcement in known

@@ -29,7 +29,7 @@ from hamel.build.module import temporary_module
 from hamel.draw import Series, chart
 from hamel.engines import engine
 from hamel.records import Reported
-from hamel.study import advice, comparison, front, judgement, modules, runs, series, study
+from hamel.study import advice, comparison, front, judgement, modules, plan, runs, series, study
 from hamel.study.judgement import COLUMNS, Judge, Reference
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -214,7 +214,8 @@ def test_a_wrong_reference_is_noticed(
 def test_a_task_without_end_is_ended_and_the_work_goes_on() -> None:
     """Refused, too long, dead, done: the pool says which, and the rest of a series is left out
     only where that is asked for."""
-    missing = {"path": "no.yaml", "values": {}, "unit": {}, "span": 1.0, "folder": ""}
+    missing = {"path": "no.yaml", "values": {}, "unit": {}, "span": 1.0}
+    missing |= {"folder": "", "integrators": []}
     with engine("processes", 1) as workers:
         tasks = [
             [series.Task(modules.module, missing, 60.0, "refused")],
@@ -316,6 +317,21 @@ def test_two_methods_side_by_side() -> None:
     assert "take maggi, 3 times as fast as augmented" in lines[0] and "6 ms" in lines[0]
     assert "augmented did not reach it" in lines[2]
     assert comparison.verdict(rows[:0], ("a", "b")) == ["Neither a nor b reached a usable error."]
+
+
+def test_what_the_default_choice_cannot_finish_its_charts_do(place: Path) -> None:
+    """A swing through a position that is singular for the default choice alone is compared with
+    charts, as `hamel simulate` goes on; and modules hold the integrators that are asked for."""
+    file = place / "through.yaml"
+    text = MODEL.replace("swing: {om: (x*der(y) - y*der(x))/l**2}", "auto: auto")
+    text = text.replace("  side: [der(y)]\n", "").replace("y: -0.5 m", "y: 0.3 m")
+    file.write_text(text.replace("model: swing", "model: through"), encoding="utf-8")
+    asked: dict[str, Any] = {"integrators": ("verner9",), "tolerances": (1e-6,), "time": 3.0}
+    found = hamel.report([file], out=place / "through", formulations=(plan.DEFAULT,), **asked)
+    ends = {row["choice"]: row["status"] for row in found.rows if row["enforcement"] == "none"}
+    assert ends["auto+orthonormal"] == "ok" == ends["orthonormal"]
+    assert "singular" in ends["auto"]
+    assert {row["integrator"] for row in found.rows} == {"verner9"}
 
 
 def test_a_method_that_is_none_is_refused(place: Path) -> None:

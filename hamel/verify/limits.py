@@ -19,4 +19,5 @@ CANCELLING = 1e-9  # h, Q, β, power: sums of many terms that cancel to a part o
 ENERGIES = 1e-10  # T and V of the system
 OWN_ENERGIES = 1e-12  # the function `energy`, at the very velocities that it is given
 SOLVED = 1e-10  # v̇ and λ, per condition number
+ROUNDED = 4.0  # times the likely roundoff of a matrix is what a product with it may be off by
 UNDONE = 1e-12  # products with an inverse, and state ↔ velocity, per condition number

@@ -7,7 +7,7 @@ import numpy as np
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import deviation, worst
 from hamel.verify.checks.evidence import Evidence, Sample
-from hamel.verify.limits import TERMS, UNDONE
+from hamel.verify.limits import ROUNDED, TERMS, UNDONE
 from hamel.verify.reference.outcome import energies, state_of
 from hamel.verify.reference.saddle import least_eigenvalue
 from hamel.verify.reference.states import State
@@ -46,25 +46,34 @@ def _quadratic(e: Evidence) -> bool:
 
 
 def inverse(e: Evidence, left: str, right: str) -> float | None:
-    """left · right against the identity (A R, B S) or zero (A S, B R), relative to |left| |right|
-    and per condition of Y."""
+    """left · right against the identity (A R, B S) or zero (A S, B R), relative to |left| |right|,
+    per condition of Y, and beyond what roundoff makes of the right one."""
     first, second = e.named(left), e.named(right)
     if first is None or second is None:
         return None
     v, identity = e.units.v, (left, right) in (("A", "R"), ("B", "S"))
-    errors = [_product_error(a * v, b / v[:, None], identity) for a, b in zip(first, second)]
-    return worst([error / condition for error, condition in zip(errors, e.conditions)])
+    columns = v[:, None]
+    given = zip(first, second, e.rounded(right), e.conditions)
+    return worst(
+        [
+            _product_error(a * v, b / columns, moved / columns, identity) / condition
+            for a, b, moved, condition in given
+        ]
+    )
 
 
-def _product_error(left: Array, right: Array, identity: bool) -> float:
-    """With the rows on the left of length one, whatever they are told in."""
+def _product_error(left: Array, right: Array, moved: Array, identity: bool) -> float:
+    """With the rows on the left of length one, whatever they are told in; `moved` is the roundoff
+    of the right one."""
     wanted = np.eye(len(left)) if identity else np.zeros((len(left), right.shape[1]))
     lengths = _lengths(left, 1)
-    left, right = left / lengths, right * lengths.T if identity else right / _lengths(right, 0)
+    across = lengths.T if identity else 1.0 / _lengths(right, 0)
+    left, right, moved = left / lengths, right * across, moved * across
     size = 1.0 + np.linalg.norm(left, axis=1, keepdims=True) * np.linalg.norm(
         right, axis=0, keepdims=True
     )
-    return worst((left @ right - wanted) / size)
+    excess = np.abs(left @ right - wanted) - ROUNDED * (np.abs(left) @ moved)
+    return worst(np.maximum(excess, 0.0) / size)
 
 
 def _lengths(matrix: Array, axis: int) -> Array:

@@ -440,6 +440,18 @@ class Evidence:
         rows = zip(self.samples, self.states_of(graph))
         return [np.array(graph.named[name](s.t, x, s.u, s.p)) for s, x in rows]
 
+    def rounded(self, name: str) -> list[Array]:
+        """How far roundoff is likely to move the entries of a named intermediate, at every state:
+        rows are never exchanged at run time, so it may pass through large numbers where neither the
+        constraints nor the choice are near a singular position."""
+        function = self.graph.named[name]
+        arguments = [ca.SX.sym("a", *function.size_in(i)) for i in range(function.n_in())]
+        rows = zip(self.samples, self.x)
+        states = np.array([np.concatenate([[s.t], x, s.u, s.p]) for s, x in rows])
+        value = function(*arguments)
+        moved = estimate(arguments, ca.densify(value), states)
+        return [each.reshape(value.shape) for each in moved]
+
     @cached_property
     def expected(self) -> dict[str, tuple[Array, Array]]:
         """For every function the graph's results and the roundoff in them, states × entries."""

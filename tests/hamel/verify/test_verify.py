@@ -21,10 +21,11 @@ from derive.model import load, load_text
 from derive.states import system
 from hamel.build.module import temporary_module
 from hamel.verify import verification
-from hamel.verify.checks import CHECKS, named_frames, quasi, steps
+from hamel.verify.checks import CHECKS, algebra, named_frames, quasi, steps
 from hamel.verify.checks.evidence import terms
 from hamel.verify.checks.linear import JACOBIANS, with_linearization
 from hamel.verify.checks.roundoff import bound
+from hamel.verify.limits import UNDONE
 from hamel.verify.mutation.errors import (
     mutants,
     wrong_functions,
@@ -403,6 +404,21 @@ def test_an_inverse_that_is_none_is_caught(seen):
     for function in ("inverse_dynamics", "dynamics"):
         planted = list(wrong_functions(seen.graph.equations, function))[-1:]
         assert red(replace(seen, graph=evaluator(planted[0][1])), {"dynamics ∘ inverse"}), function
+
+
+@pytest.mark.slow
+def test_a_right_inverse_through_a_small_pivot_passes_and_an_error_in_it_is_caught():
+    """The second chart of the bicycle on tyres: R loses four digits at one state of a hundred,
+    where Y is well conditioned; an entry that is off by 1e-9 of itself is more than that."""
+    model = load(MODELS / "extremes" / "bicycle_toroidal.yaml")
+    found = equations(system(model), charts=True, moving=True)
+    seen = evidence(reference(model), found, None, 100, 0)
+    chart = found.charts[1]
+    there = replace(seen, graph=evaluator(chart), chart=2)
+    assert algebra.inverse(there, "A", "R") == 0.0
+    named = [replace(x, value=(1.0 + 1e-9) * x.value) if x.name == "R" else x for x in chart.named]
+    wrong = replace(there, graph=evaluator(replace(chart, named=tuple(named))))
+    assert algebra.inverse(wrong, "A", "R") > UNDONE
 
 
 def test_a_row_too_many_is_caught(seen, four_bar):

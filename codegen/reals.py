@@ -146,7 +146,8 @@ def real_of(name: str) -> Real:
 _TOKENS = re.compile(
     r"""(?P<kept>/\*.*?\*/|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')"""
     r"|(?P<word>[A-Za-z_]\w*)"
-    r"|(?P<number>(?:0[xX][0-9a-fA-F.]+[pP][+-]?\d+|(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?|\d+[eE][+-]?\d+)[fF]?)"
+    r"|(?P<number>(?:0[xX][0-9a-fA-F.]+[pP][+-]?\d+"
+    r"|(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?|\d+[eE][+-]?\d+)[fF]?)"
     r"|(?P<whole>\d\w*)",
     re.DOTALL,
 )

@@ -47,7 +47,9 @@ _SPECIAL = re.compile(r"([_%$#&{}])")
 _INDEXED = re.compile(r"([A-Za-z]+?)_?(\d+)")
 # what the page itself calls t, T, V, P and the entries of its matrices and vectors
 _TAKEN = re.compile(
-    r"(t|T|V|P)|(N|M|A|B|R|S|P|D|h|c|F|Q|z|\\Phi|\\beta|\\gamma|\\sigma|\\lambda|\\rho|\\delta|\\eta|\\zeta)_\{\d+\}"
+    r"(t|T|V|P)"
+    r"|(N|M|A|B|R|S|P|D|h|c|F|Q|z"
+    r"|\\Phi|\\beta|\\gamma|\\sigma|\\lambda|\\rho|\\delta|\\eta|\\zeta)_\{\d+\}"
 )
 
 

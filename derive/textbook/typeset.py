@@ -43,7 +43,8 @@ _BEGINS = re.compile(r"(\\d?dot\{)?\\mathrm\{[^{}]{2,}\}")  # a name that is a w
 _ENDS = re.compile(r"\\mathrm\{[^{}]{2,}\}\}?$")
 _ENTRY = re.compile(r"[A-Z]\w*\[\d+,\d+\]")  # of a matrix
 _COMMAND = re.compile(
-    r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}|dot|ddot|bar|Bigl|Bigr)(?![A-Za-z])|\\,"
+    r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}"
+    r"|dot|ddot|bar|Bigl|Bigr)(?![A-Za-z])|\\,"
 )
 _MARKS = re.compile(r"[{}^_\s]")  # after commands: they end names
 

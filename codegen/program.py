@@ -155,17 +155,26 @@ class Solving:
 @dataclass(frozen=True)
 class Visit:
     """What a sweep does at one link. Loads are of the link's constants "k", of its row "r", of what
-    it receives "e", of its coordinate, velocity and inputs "q", "v", "u", and of t.
+    it receives "e", of entries of arguments by the name of the read, and of t.
 
-    `kept` goes to entries of the row, `handed` to the next link, `result` is the link's v̇.
+    `kept` goes to entries of the row, `handed` to the next link, `results` to entries of the result
+    by the name of the index.
     """
 
     loads: tuple[Load, ...]
     sections: tuple[Section, ...]
     kept: tuple[tuple[int, Expression], ...]
     handed: tuple[Expression, ...]
-    result: Expression | None
+    results: tuple[tuple[str, Expression], ...]
     operations: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Angle:
+    """The angle of a link of one kind, and what it takes to compute it."""
+
+    of: Visit
+    value: Expression
 
 
 @dataclass(frozen=True)
@@ -197,26 +206,35 @@ PREVIOUS, BASE = -2, -1  # whom a link hands to, besides the slots
 
 
 @dataclass(frozen=True)
+class Read:
+    """An entry of the `argument` (x or u) for each link: where the index of that name leads."""
+
+    name: str
+    argument: str
+    index: str
+
+
+@dataclass(frozen=True)
 class Rolled:
     """A function of a tree as loops over its links: code for each kind of link, tables for what
     differs. Parents stand before children.
 
-    By link: its kind, its row of the kind's table, the entries of x that are its coordinate and its
-    velocity, entries of u. `of`: the link before is its parent (PREVIOUS), the ground is (BASE), or
-    the slot where its parent left what it handed on; `to`: the slot where a link with further
-    children leaves it, or −1. `angles` are computed before all: sine and cosine begin the row.
+    By link: its kind, its row of the kind's table, and by name the `indices` of what it reads and
+    of its results; where several links have a result in common each adds its part. `of`: the link
+    before is its parent (PREVIOUS), the ground is (BASE), or the slot where its parent left what it
+    handed on; `to`: the slot where a link with further children leaves it, or −1. `angles` are
+    computed before all: sine and cosine begin the row.
     """
 
     kinds: tuple[int, ...]
     rows: tuple[int, ...]
-    coordinates: tuple[int, ...]
-    velocities: tuple[int, ...]
-    inputs: tuple[tuple[int, ...], ...]
+    indices: Mapping[str, tuple[int, ...]]
+    reads: tuple[Read, ...]
     of: tuple[int, ...]
     to: tuple[int, ...]
     slots: int
     tables: tuple[Table, ...]
-    angles: tuple[Visit | None, ...]
+    angles: tuple[Angle | None, ...]
     sweeps: tuple[Sweep, ...]
     width: int  # of a row of the workspace
 
@@ -224,6 +242,39 @@ class Rolled:
     def links(self) -> int:
         """How many there are."""
         return len(self.kinds)
+
+    @property
+    def added(self) -> frozenset[str]:
+        """The results that several links have in common."""
+        of = self.indices
+        return frozenset(
+            name
+            for name, kinds in self.giving.items()
+            if len({of[name][i] for i in self._of_kinds(kinds)}) < len(self._of_kinds(kinds))
+        )
+
+    @property
+    def covered(self) -> frozenset[int]:
+        """Entries of the result that links have."""
+        given = self.giving.items()
+        return frozenset(self.indices[name][i] for name, k in given for i in self._of_kinds(k))
+
+    @property
+    def giving(self) -> dict[str, frozenset[int]]:
+        """By result the kinds of links that have it."""
+        names = dict.fromkeys(name for visit in self.visits for name, _ in visit.results)
+        return {
+            name: frozenset(
+                kind
+                for sweep in self.sweeps
+                for kind, visit in enumerate(sweep.visits)
+                if name in dict(visit.results)
+            )
+            for name in names
+        }
+
+    def _of_kinds(self, kinds: frozenset[int]) -> list[int]:
+        return [i for i, kind in enumerate(self.kinds) if kind in kinds]
 
     @property
     def received(self) -> int:
@@ -243,7 +294,7 @@ class Rolled:
     @property
     def visits(self) -> tuple[Visit, ...]:
         """All bodies of code."""
-        angles = (visit for visit in self.angles if visit)
+        angles = (angle.of for angle in self.angles if angle)
         return (*angles, *(visit for sweep in self.sweeps for visit in sweep.visits))
 
 

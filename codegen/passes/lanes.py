@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from codegen.passes.split import is_long
-from codegen.program import Expression, Kernel, Program, Visit
+from codegen.program import Expression, Kernel, Program, Rolled
 
 DYNAMICS = "dynamics"
 BATCHED = (DYNAMICS, "derivatives", "steady")  # worth the time to compile them twice
@@ -75,7 +75,7 @@ def does_work(program: Program) -> bool:
 
 def _is_straight(kernel: Kernel) -> bool:
     if kernel.rolled:
-        bodies = (body for visit in kernel.rolled.visits for body in values_of(visit))
+        bodies = values_of(kernel.rolled)
         short = kernel.rolled.workspace + kernel.size <= MOST_ROLLED
         return short and all(is_plain(value, PLAIN - {"sin", "cos"}) for value in bodies)
     values = [s.value for section in kernel.sections for s in section.statements]
@@ -85,11 +85,13 @@ def _is_straight(kernel: Kernel) -> bool:
     return size <= most and all(is_plain(value, PLAIN) for value in values)
 
 
-def values_of(visit: Visit) -> list[Expression]:
-    """All expressions of a body of code."""
-    values = [s.value for section in visit.sections for s in section.statements]
-    values += [*(x for _, x in visit.kept), *visit.handed]
-    return values + ([] if visit.result is None else [visit.result])
+def values_of(of: Rolled) -> list[Expression]:
+    """All expressions in the bodies of loops."""
+    values = [angle.value for angle in of.angles if angle]
+    for visit in of.visits:
+        values += [s.value for section in visit.sections for s in section.statements]
+        values += [*(x for _, x in visit.kept), *visit.handed, *(x for _, x in visit.results)]
+    return values
 
 
 def is_plain(value: Expression, plain: frozenset[str]) -> bool:

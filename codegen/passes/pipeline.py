@@ -75,10 +75,10 @@ def program(
     was asked for that does not exist.
     """
     arguments = _arguments(equations.arguments, equations.parameters)
-    chosen, loops = selection(equations, functions), loops_asked(equations, functions)
     named, integrators = integrators, spelled_out(integrators)
     if SERIES in named and roll == AUTO:
         roll = NEVER  # loops over links have no recurrences
+    chosen, loops = selection(equations, functions, roll), loops_asked(equations, functions)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
         enforcements = usual_enforcements(chosen) if enforcements is None else enforcements
@@ -173,11 +173,7 @@ class _Turning:
     def look(self, function: Function, tape: Tape) -> None:
         """At the result and the guards: a residual only says when an iteration may stop."""
         name = function.name.split("_chart")[0]
-        if (
-            self.count
-            and name in (*CALLED, "velocity", "state")
-            and not name.startswith("jacobian")
-        ):
+        if self._matters(name):
             roots = tape.roots[: function.result.size + len(function.guards)]
             rotations = turns(tape, roots, self.count, name in ("project", "state"))
             self.round |= rotations[0]
@@ -186,12 +182,16 @@ class _Turning:
     def look_at_links(self, kernel: Kernel) -> None:
         """A coordinate that is read for its angle alone."""
         of = kernel.rolled
-        if of is None or not self.count:
+        if of is None or not self._matters(kernel.name):
             return
-        for kind, coordinate in zip(of.kinds, of.coordinates):
+        for kind, coordinate in zip(of.kinds, of.indices["coordinate"]):
             bodies = [sweep.visits[kind] for sweep in of.sweeps]
             seen = any(load.argument == "q" for body in bodies for load in body.loads)
             (self.seen if seen or of.angles[kind] is None else self.round).add(coordinate)
+
+    def _matters(self, name: str) -> bool:
+        called = name in (*CALLED, "velocity", "state") and not name.startswith("jacobian")
+        return bool(self.count) and called
 
     @property
     def found(self) -> tuple[int, ...]:

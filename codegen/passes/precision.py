@@ -80,7 +80,7 @@ def _of_links(of: Rolled) -> list[Expression]:
     """What stands in tables and in the bodies of loops."""
     tables = [x for table in of.tables for row in table.rows for x in row]
     starts = [x for sweep in of.sweeps for x in sweep.start]
-    return [*tables, *starts, *(x for visit in of.visits for x in values_of(visit))]
+    return [*tables, *starts, *values_of(of)]
 
 
 def _constants(value: Expression) -> Iterator[float]:

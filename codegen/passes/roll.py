@@ -17,10 +17,12 @@ from codegen.program import (
     BASE,
     KINDS,
     PREVIOUS,
+    Angle,
     Argument,
     Entry,
     Expression,
     Kernel,
+    Read,
     Rolled,
     Sweep,
     Table,
@@ -29,8 +31,8 @@ from codegen.program import (
 from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Scalar
 from derive.formulations.records import Function
-from derive.mechanics import recursion
-from derive.mechanics.recursion import Recursion
+from derive.mechanics.loops import records
+from derive.mechanics.loops.records import Recursion
 
 AUTO, NEVER, ALWAYS = ("auto", "never", "always")
 # Links from which loops take less time than what they are unrolled to, scalar and in lanes
@@ -74,8 +76,7 @@ def rolled(function: Function, arguments: Sequence[Argument]) -> Loops:
     entries: list[Entry] = []
     bodies = _Bodies(function.name, of, entries)
     angles = tuple(
-        None if angle is None else bodies.visit(k, "angles", ca.SX(0, 1), [], [], angle)
-        for k, angle in enumerate(of.angles)
+        None if angle is None else bodies.angle(k, angle) for k, angle in enumerate(of.angles)
     )
     sweeps = [bodies.sweep(sweep) for sweep in of.sweeps]
     computed = _computed(of)
@@ -86,14 +87,12 @@ def rolled(function: Function, arguments: Sequence[Argument]) -> Loops:
         """A number, or the local that holds it."""
         return x if isinstance(x, float) else known[str(x)]
 
-    nq = len(of.coordinates)
     ways, out, slots = _ways(of.parents)
     result = Rolled(
         kinds=of.kinds_of,
         rows=of.rows_of,
-        coordinates=of.coordinates,
-        velocities=tuple(nq + j for j in of.velocities),
-        inputs=of.inputs_of,
+        indices=of.indices,
+        reads=tuple(Read(read.name, read.argument, read.index) for read in of.reads),
         of=ways,
         to=out,
         slots=slots,
@@ -129,38 +128,33 @@ class _Bodies:
         self.width = len(self.places)
         self._function, self._of, self._entries = function, of, entries
 
-    def sweep(self, sweep: recursion.Sweep) -> tuple[Visit, ...]:
+    def sweep(self, sweep: records.Sweep) -> tuple[Visit, ...]:
         """A visit for each kind."""
         return tuple(
-            self.visit(
-                k, sweep.title, sweep.received, list(visit.kept.items()), visit.handed, visit.result
-            )
+            self._visit(k, sweep.title, sweep.received, visit)
             for k, visit in enumerate(sweep.visits)
         )
 
-    def visit(
-        self,
-        number: int,
-        title: str,
-        received: ca.SX,
-        kept: Sequence[tuple[int, Scalar]],
-        handed: Sequence[Scalar],
-        result: Scalar | None,
-    ) -> Visit:
+    def angle(self, number: int, angle: Scalar) -> Angle:
+        """That of the links of one kind."""
+        made = self._visit(number, "angles", ca.SX(0, 1), records.Visit({}, [angle]))
+        return Angle(replace(made, handed=()), made.handed[0])
+
+    def _visit(self, number: int, title: str, received: ca.SX, visit: records.Visit) -> Visit:
         """The body of one kind, after the passes."""
         kind = self._of.kinds[number]
         slots = [
-            ("k", kind.constants), ("q", self._of.q), ("v", self._of.v), ("u", kind.inputs),
+            ("k", kind.constants), *((read.name, read.symbol) for read in self._of.reads),
             ("t", self._of.t), ("r", self._of.row), ("e", received),
         ]  # fmt: skip
-        last = [] if result is None else [result]
-        roots = [ca.SX(x) for x in (*(x for _, x in kept), *handed, *last)]
+        kept, handed, results = list(visit.kept.items()), visit.handed, visit.results
+        roots = [ca.SX(x) for x in (*(x for _, x in kept), *handed, *results.values())]
         where = f"{self._function}: {title.split(',')[0]}, {kind.about}"
         best, entries = improve(where, record(slots, roots), range(0))
         self._entries += entries
         inputs = {(name, i): self._name(name, i) for name, x in slots for i in range(x.numel())}
         done = schedule(best.lowered, (), title, inputs, Names([*Names().taken, *inputs.values()]))
-        many = len(kept)
+        many, last = len(kept), len(kept) + len(handed)
         loads = tuple(
             load if load.argument != "r" else type(load)(load.name, "r", self.places[load.index])
             for load in done.loads
@@ -169,13 +163,13 @@ class _Bodies:
             loads=loads,
             sections=done.sections,
             kept=tuple((self.places[k], x) for (k, _), x in zip(kept, done.roots)),
-            handed=done.roots[many : many + len(handed)],
-            result=None if result is None else done.roots[-1],
+            handed=done.roots[many:last],
+            results=tuple(zip(results, done.roots[last:])),
             operations=count(used_operations(best.lowered)),
         )
 
     def _name(self, argument: str, i: int) -> str:
-        return argument if argument in "qvt" else f"{argument}{i}"
+        return f"{argument}{i}" if argument in ("k", "r", "e") else argument
 
 
 def _computed(of: Recursion) -> list[ca.SX]:
@@ -231,10 +225,10 @@ def _kernel(
     function: Function, arguments: Sequence[Argument], made: Rolled, values: Scheduled
 ) -> Kernel:
     used = {load.argument for visit in made.visits for load in visit.loads}
-    read = {"x", *({"u", "t"} & used), *(load.argument for load in values.loads)}
+    read = {"x", *(x.argument for x in made.reads if x.name in used), *({"t"} & used)}
+    read |= {load.argument for load in values.loads}
     uses = tuple(a.name for a in arguments if a.name in read)
     size = function.result.size
-    nq = size - made.links
     return Kernel(
         name=function.name,
         about=function.about,
@@ -252,10 +246,29 @@ def _kernel(
         watched=tuple(
             (a.name, i) for a in arguments if a.name in uses for i in range(len(a.names))
         ),
-        results=tuple(range(nq, size)),
+        results=_computed_results(made),
         operations={},
         rolled=made,
     )
+
+
+def _computed_results(made: Rolled) -> tuple[int, ...]:
+    """Entries of the result that are no copies of arguments."""
+    copied = {read.name for read in made.reads}
+    computed = {
+        (name, kind)
+        for sweep in made.sweeps
+        for kind, visit in enumerate(sweep.visits)
+        for name, value in visit.results
+        if value not in copied
+    }
+    places = {
+        made.indices[name][i]
+        for i, k in enumerate(made.kinds)
+        for name, kind in computed
+        if kind == k
+    }
+    return tuple(sorted(places))
 
 
 def _operations(made: Rolled) -> dict[str, int]:
@@ -263,7 +276,7 @@ def _operations(made: Rolled) -> dict[str, int]:
     counts: dict[str, int] = dict.fromkeys((*KINDS, "total"), 0)
     for k, angle in enumerate(made.angles):
         links = sum(kind == k for kind in made.kinds)
-        bodies = [sweep.visits[k] for sweep in made.sweeps] + ([angle] if angle else [])
+        bodies = [sweep.visits[k] for sweep in made.sweeps] + ([angle.of] if angle else [])
         for name in counts:
             counts[name] += links * sum(body.operations[name] for body in bodies)
         turns = links if angle else 0

@@ -192,8 +192,11 @@ def _loads(
     return {i: Load(inputs[slot], *slot) for i, slot in slots.items()}
 
 
-def _slot(load: Load) -> tuple[int, int]:
-    return "txupckqvre".index(load.argument), load.index
+def _slot(load: Load) -> tuple[int, str, int]:
+    """Arguments, then what a link reads: constants, numbers by name, its row and what it
+    receives."""
+    rank = {name: k for k, name in enumerate("txupck")} | {"r": 7, "e": 8}
+    return rank.get(load.argument, 6), load.argument, load.index
 
 
 def _expression(operation: Operation, expressions: dict[int, Expression]) -> Expression:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
+from codegen.passes.roll import NEVER, refusal
 from derive.diagnostics import AssumptionError, HamelError
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations.charts import differs
@@ -103,11 +104,14 @@ def usual_enforcements(chosen: Sequence[Function]) -> tuple[str, ...]:
     )
 
 
-def selection(equations: Equations, names: Sequence[str] | None) -> list[Function]:
+def selection(
+    equations: Equations, names: Sequence[str] | None, roll: str = NEVER
+) -> list[Function]:
     """The functions asked for, and those that loops asked for call; those with an empty result have
-    no code."""
+    no code. What are default functions of a long mechanism depends on what is rolled."""
     default = {function.name: function for function in equations.functions}
-    usual = [name for name, function in default.items() if _is_usual(function)]
+    links = len(equations.system.links)
+    usual = [name for name, function in default.items() if _is_usual(function, roll, links)]
     loops = {request.name: request.needs for request in equations.requests if request.needs}
     asked = names or ("default",)
     wanted = [n for name in asked for n in (usual if name == "default" else (name,))]
@@ -116,9 +120,10 @@ def selection(equations: Equations, names: Sequence[str] | None) -> list[Functio
     return [function for function in chosen if function.result.size]
 
 
-def _is_usual(function: Function) -> bool:
+def _is_usual(function: Function, roll: str, links: int) -> bool:
     """What grows with a long mechanism has to be asked for, unless it is a loop."""
-    return function.result.written or function.recursion is not None
+    always = function.result.written or function.name == "dynamics"
+    return always or refusal(function, roll, links) is None
 
 
 def _function(equations: Equations, default: dict[str, Function], name: str) -> Function:

@@ -100,7 +100,7 @@ def _stepped(program: Program) -> list[dict[str, str]]:
 def _body(kernel: Kernel, language: text.Language) -> Body:
     if kernel.rolled:
         lines = _lines(Part(loads=kernel.loads, sections=kernel.sections), language)
-        return Body(kernel, (), 0, python_text(kernel.rolled, language, tuple(lines)))
+        return Body(kernel, (), 0, python_text(kernel, kernel.rolled, language, tuple(lines)))
     parts = split(kernel)
     return Body(kernel, tuple(_piece(kernel, part, language) for part in parts.parts), parts.size)
 

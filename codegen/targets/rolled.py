@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from codegen import text
-from codegen.program import Expression, Kernel, Rolled, Sweep, Visit
+from codegen.program import Angle, Expression, Kernel, Rolled, Visit
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,6 @@ class Loop:
     rising: bool
     start: tuple[str, ...]
     blocks: tuple[Block, ...]
-    unused: tuple[str, ...]
 
     @property
     def width(self) -> int:
@@ -75,7 +74,7 @@ class Text:
     row: str
     angles: tuple[Block | None, ...]
     loops: tuple[Loop, ...]
-    copies: tuple[Index, Index]
+    clears: bool  # the result begins as zeros
     at: dict[str, str] = field(default_factory=dict[str, str])
 
     @property
@@ -89,14 +88,11 @@ def indices(of: Rolled) -> dict[str, Index]:
     named = {
         "kind": of.kinds,
         "row": of.rows,
-        "coordinate": of.coordinates,
-        "velocity": of.velocities,
         "of": of.of,
         "to": of.to,
+        **of.indices,
     }
-    many = max(map(len, of.inputs))
-    inputs = {f"input{k}": tuple(x[k] if k < len(x) else 0 for x in of.inputs) for k in range(many)}
-    return {name: Index(name, tuple(values)) for name, values in (named | inputs).items()}
+    return {name: Index(name, values) for name, values in named.items()}
 
 
 def tables(of: Rolled, language: text.Language) -> tuple[Tables, ...]:
@@ -134,10 +130,8 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
         """What a load reads."""
         if argument == "k":
             return entry("k", str(index)) if kind in computed else f"k[{index}]"
-        places = {
-            "q": ("x", at["coordinate"]), "v": ("x", at["velocity"]), "r": ("r", str(index)),
-            "u": ("u", at.get(f"input{index}", "")), "e": ("e", str(index)),
-        }  # fmt: skip
+        places = {"r": ("r", str(index)), "e": ("e", str(index))}
+        places |= {read.name: (read.argument, at[read.index]) for read in of.reads}
         return entry(*places[argument])
 
     def block(kind: int, visit: Visit) -> Block:
@@ -153,11 +147,11 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
             for section in visit.sections
             for s in section.statements
         ]
-        return Block(tuple(lines), tuple(_after(visit, language, entry, at, lanes)))
+        return Block(tuple(lines), tuple(_after(of, visit, language, entry, at, lanes)))
 
-    def angle(kind: int, visit: Visit) -> Block:
-        value = text.expression(visit.result or 0.0, language)
-        return Block(block(kind, visit).lines, (value if lanes else f"return {value};",))
+    def angle(kind: int, angle: Angle) -> Block:
+        value = text.expression(angle.value, language)
+        return Block(block(kind, angle.of).lines, (value if lanes else f"return {value};",))
 
     return Text(
         of=of,
@@ -172,22 +166,21 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
                 sweep.rising,
                 tuple(text.expression(x, language) for x in sweep.start),
                 tuple(block(k, visit) for k, visit in enumerate(sweep.visits)),
-                _unused(sweep),
             )
             for sweep in of.sweeps
         ),
-        copies=(indices(of)["coordinate"], indices(of)["velocity"]),
+        clears=_clears(kernel.size, of),
         at=at,
     )
 
 
-def _unused(sweep: Sweep) -> tuple[str, ...]:
-    """Arguments that no visit reads."""
-    read = {load.argument for visit in sweep.visits for load in visit.loads}
-    return tuple(name for name, by in (("t", "t"), ("x", "qv"), ("u", "u")) if not read & set(by))
+def _clears(size: int, of: Rolled) -> bool:
+    """Whether there are entries that links add to, or that none has."""
+    return bool(of.added) or len(of.covered) < size
 
 
 def _after(
+    of: Rolled,
     visit: Visit,
     language: text.Language,
     entry: Callable[[str, str], str],
@@ -197,33 +190,46 @@ def _after(
     """What is kept and handed on; nothing is handed on before all of it is known."""
     for place, value in visit.kept:
         yield f"{entry('r', str(place))} = {text.expression(value, language)};"
-    if visit.result is not None:
-        yield f"{entry('out', at['velocity'])} = {text.expression(visit.result, language)};"
+    for name, value in visit.results:
+        sign = "+=" if name in of.added else "="
+        yield f"{entry('out', at[name])} {sign} {text.expression(value, language)};"
     for k, value in enumerate(visit.handed):
         yield f"const double h{k} = {text.expression(value, language)};"
     for k in range(len(visit.handed)):
         yield f"{entry('e', str(k)) if lanes else f'e{k}'} = h{k};"
 
 
-def python_text(of: Rolled, language: text.Language, prologue: tuple[str, ...]) -> Text:
+def python_text(
+    kernel: Kernel, of: Rolled, language: text.Language, prologue: tuple[str, ...]
+) -> Text:
     """In Python over leading axes: a row is a list of arrays."""
-    names = {"k": "k[{0}]", "q": "q", "v": "v", "u": "u[{0}]", "r": "r[{0}]", "e": "e[{0}]"}
+    own = f"_{kernel.name}_"
+    names = {"k": "k[{0}]", "r": "r[{0}]", "e": "e[{0}]"}
+    names |= {x.name: f"{x.argument}[..., {own}{x.index}[i]]" for x in of.reads}
 
-    def block(visit: Visit) -> Block:
-        lines = [
+    def lines(visit: Visit) -> tuple[str, ...]:
+        loads = [
             f"{load.name} = {names[load.argument].format(load.index)}"
             for load in visit.loads
-            if load.argument not in "qvt"
+            if load.argument != "t"
         ]
-        lines += [
+        statements = [
             f"{s.name} = {text.expression(s.value, language)}"
             for section in visit.sections
             for s in section.statements
         ]
+        return (*loads, *statements)
+
+    def angle(made: Angle) -> Block:
+        return Block(lines(made.of), (f"return {text.expression(made.value, language)}",))
+
+    def block(visit: Visit) -> Block:
         stores = [f"r[{place}] = {text.expression(x, language)}" for place, x in visit.kept]
+        for name, value in visit.results:
+            sign = "+=" if name in of.added else "="
+            stores.append(f"out[..., {own}{name}[i]] {sign} {text.expression(value, language)}")
         handed = ", ".join(text.expression(x, language) for x in visit.handed)
-        result = "None" if visit.result is None else text.expression(visit.result, language)
-        return Block((*lines, *stores), (f"return [{handed}], {result}",))
+        return Block((*lines(visit), *stores), (f"return [{handed}]",))
 
     return Text(
         of=of,
@@ -231,16 +237,15 @@ def python_text(of: Rolled, language: text.Language, prologue: tuple[str, ...]) 
         tables=tables(of, language),
         indices=tuple(indices(of).values()),
         row="",
-        angles=tuple(None if v is None else block(v) for v in of.angles),
+        angles=tuple(None if x is None else angle(x) for x in of.angles),
         loops=tuple(
             Loop(
                 sweep.title,
                 sweep.rising,
                 tuple(text.expression(x, language) for x in sweep.start),
                 tuple(map(block, sweep.visits)),
-                (),
             )
             for sweep in of.sweeps
         ),
-        copies=(indices(of)["coordinate"], indices(of)["velocity"]),
+        clears=_clears(kernel.size, of),
     )

@@ -17,8 +17,9 @@ import casadi as ca
 
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import alternatives
+from derive.expressions.deferred import Deferred
 from derive.formulations.contraction import contractions
-from derive.formulations.functions import Motion
+from derive.formulations.functions import Motion, as_loops
 from derive.formulations.records import Argument, Elimination, Function, Pattern, Request, Result
 from derive.formulations.structured import Slopes, by_structure, looped
 from derive.mechanics.records import System
@@ -73,8 +74,8 @@ def derivatives(
         ),
         Request("derivatives", ALL, lambda: _all(dynamics, slots, ways)),
         Request("jacobian_t", RATE, lambda: _rate(dynamics, slots["t"])),
-        Request("dynamics_forward", FORWARD, lambda: _forward(dynamics, slots)),
-        Request("dynamics_adjoint", ADJOINT, lambda: _adjoint(dynamics, slots)),
+        Request("dynamics_forward", FORWARD, lambda: _forward(dynamics, slots, mechanics)),
+        Request("dynamics_adjoint", ADJOINT, lambda: _adjoint(dynamics, slots, mechanics)),
         Request(
             "jacobian_forward", JACOBIAN_FORWARD, lambda: _jacobian_forward(dynamics, slots, ways)
         ),
@@ -210,26 +211,59 @@ def _rate(dynamics: Function, t: Argument) -> Function:
     )
 
 
-def _forward(dynamics: Function, slots: dict[str, Argument]) -> Function:
+def _forward(
+    dynamics: Function, slots: dict[str, Argument], mechanics: tuple[System, Motion] | None
+) -> Function:
     """No dx of a parameter: where those matter, jacobian_p has all of them at once."""
     x, u = slots["x"], slots["u"]
     d = [_seeds("d", argument.labels) for argument in (x, u)]
-    along = ca.jtimes(dynamics.result.value, ca.vertcat(x.symbols, u.symbols), ca.vertcat(*d))
     taken = _longer(
         x, ca.vertcat(*d), (*_marked("d", x.labels), *_marked("d", u.labels)), (*x.units, *u.units)
     )
+
+    def along() -> ca.SX:
+        by = ca.vertcat(x.symbols, u.symbols)
+        return ca.densify(ca.jtimes(dynamics.result.value, by, ca.vertcat(*d)))
+
     labels, units = _marked("d", dynamics.result.labels), dynamics.result.units
-    result = Result("dxdot", ca.densify(along), labels, units)
-    return Function("dynamics_forward", FORWARD, result, dynamics.named, dynamics.guards, x=taken)
+    result = Result("dxdot", _formed(dynamics, dynamics.result.size, along), labels, units)
+    return Function(
+        "dynamics_forward",
+        FORWARD,
+        result,
+        dynamics.named,
+        dynamics.guards,
+        x=taken,
+        recursion=as_loops(*mechanics, "dynamics_forward") if mechanics else None,
+    )
 
 
-def _adjoint(dynamics: Function, slots: dict[str, Argument]) -> Function:
+def _formed(dynamics: Function, size: int, make: Callable[[], ca.SX]) -> ca.SX | Deferred[ca.SX]:
+    """On demand where ẋ is."""
+    return make() if dynamics.result.written else Deferred(make, size)
+
+
+def _adjoint(
+    dynamics: Function, slots: dict[str, Argument], mechanics: tuple[System, Motion] | None
+) -> Function:
     x, u = slots["x"], slots["u"]
     y = _seeds("y", dynamics.result.labels)
-    product = ca.jtimes(dynamics.result.value, ca.vertcat(x.symbols, u.symbols), y, True)
     taken = _longer(x, y, _marked("y", dynamics.result.labels), ("",) * y.numel())
-    result = Result("product", ca.densify(product), (*x.labels, *u.labels), ())
-    return Function("dynamics_adjoint", ADJOINT, result, dynamics.named, dynamics.guards, x=taken)
+    by = ca.vertcat(x.symbols, u.symbols)
+
+    def product() -> ca.SX:
+        return ca.densify(ca.jtimes(dynamics.result.value, by, y, True))
+
+    result = Result("product", _formed(dynamics, by.numel(), product), (*x.labels, *u.labels), ())
+    return Function(
+        "dynamics_adjoint",
+        ADJOINT,
+        result,
+        dynamics.named,
+        dynamics.guards,
+        x=taken,
+        recursion=as_loops(*mechanics, "dynamics_adjoint") if mechanics else None,
+    )
 
 
 def _contraction(dynamics: Function, slots: dict[str, Argument], ways: Ways) -> Function:

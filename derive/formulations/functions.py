@@ -20,6 +20,7 @@ from derive.formulations.limits import CLOSED, MOST_STEPS, PER_RADIAN, USUAL
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Function, Iteration, Result
 from derive.formulations.rolled import recursion
+from derive.mechanics.loops.records import Recursion
 from derive.mechanics.records import Named, System
 from derive.mechanics.system import inertial_forces
 from derive.numerics import NONZERO
@@ -124,7 +125,7 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
         _dynamics(system, motion),
         _mass(system) if system.written else None,
         _bias(system, motion),
-        _inverse_dynamics(system),
+        _inverse_dynamics(system, motion),
         _constraints(system, motion),
         _project(system, motion),
         _reactions(system, motion),
@@ -158,17 +159,18 @@ def _dynamics(system: System, motion: Motion) -> Function:
     about = "state derivative: q̇ = N v, " + (_BASE if motion.projects_velocity else _REDUCED)
     about += ", ż as the model gives it" if system.model.states else ""
     guards = (*motion.guards, *motion.solving)
-    direct = motion.minimal is not None and not guards and is_unit(motion.B)
+    loops = as_loops(system, motion, "dynamics")
+    return Function("dynamics", about, result, motion.named, guards, recursion=loops)
+
+
+def as_loops(system: System, motion: Motion, function: str) -> Callable[[], Recursion]:
+    """The function as loops over links. What is called raises AssumptionError where it does not
+    fit."""
+    regular = not (motion.guards or motion.solving)
+    direct = motion.minimal is not None and regular and is_unit(motion.B)
     other = "" if direct else "its velocities are not those of the joints"
     other = "it has first-order states" if system.model.states else other
-    return Function(
-        "dynamics",
-        about,
-        result,
-        motion.named,
-        guards,
-        recursion=functools.cache(lambda: recursion(system, other)),
-    )
+    return functools.cache(lambda: recursion(system, function, other))
 
 
 def is_unit(S: ca.SX) -> bool:
@@ -210,10 +212,12 @@ def _bias(system: System, motion: Motion) -> Function:
     )
     value = _formed(system, len(names), lambda: at_motion(system, motion, system.h))
     guards = _used(motion, system.h, system) if motion.guards else ()
-    return Function("bias", about, Result("h", value, names, ()), guards=guards)
+    result = Result("h", value, names, ())
+    loops = as_loops(system, motion, "bias")
+    return Function("bias", about, result, guards=guards, recursion=loops)
 
 
-def _inverse_dynamics(system: System) -> Function:
+def _inverse_dynamics(system: System, motion: Motion) -> Function:
     """(q, v, z, v̇) → M v̇ + h − Q at u = 0: what actuators and constraints have to supply, by
     Newton–Euler alone."""
     model, nv = system.model, system.v.numel()
@@ -236,7 +240,9 @@ def _inverse_dynamics(system: System) -> Function:
     value = _formed(system, nv, forces)
     label = "(q, v, z, v̇)" if model.states else "(q, v, v̇)"
     about = f"forces conjugate to v that give v̇: M v̇ + h − Q at u = 0, from {label}"
-    return Function("inverse_dynamics", about, Result("tau", value, names, ()), x=taken)
+    result = Result("tau", value, names, ())
+    loops = as_loops(system, motion, "inverse_dynamics")
+    return Function("inverse_dynamics", about, result, x=taken, recursion=loops)
 
 
 def _in_velocities(system: System) -> Argument:

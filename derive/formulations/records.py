@@ -16,8 +16,8 @@ import casadi as ca
 
 from derive.choices.records import Frame, Guard
 from derive.expressions.deferred import Term, is_deferred, size_of
+from derive.mechanics.loops.records import Recursion
 from derive.mechanics.records import Named, System
-from derive.mechanics.recursion import Recursion
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
-"""Forward dynamics of a tree as loops: which links are of one kind, in what order they stand, and
-what stands in the tables. The formulas are those of `derive.mechanics.recursion`."""
+"""Functions of a tree as loops: which links are of one kind, in what order they stand, and what
+stands in the tables. The formulas are those of `derive.mechanics.loops`."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -17,8 +17,12 @@ from derive.joints.records import Rotation, Still, Turn
 from derive.joints.rotations import difference, is_zero, matrix, plus
 from derive.mechanics.limits import EXACT
 from derive.mechanics.links import moved
+from derive.mechanics.loops.forward_dynamics import forward_dynamics
+from derive.mechanics.loops.inverse_dynamics import inverse_dynamics
+from derive.mechanics.loops.products import Along, Weights, adjoint_product, forward_product
+from derive.mechanics.loops.records import Joint, Kind, Read, Recursion, Sweep
+from derive.mechanics.loops.sweeps import Rows
 from derive.mechanics.records import Inertia, Link, System
-from derive.mechanics.recursion import Joint, Kind, Recursion, sweeps
 from derive.mechanics.templates import Formula, Key, check_own, formulas, written
 from derive.model.load_records import Exhaust
 
@@ -52,19 +56,18 @@ _NAMES = (
 )  # fmt: skip
 
 
-def recursion(system: System, otherwise: str = "") -> Recursion:
-    """The loops for v̇ of a tree of turning and sliding links. Raises AssumptionError, with the
-    reason, for what has other joints, is closed, or has forces that act between joints; and with
-    `otherwise`, where that is said."""
+def recursion(system: System, function: str = "dynamics", otherwise: str = "") -> Recursion:
+    """The loops of a function of a tree of turning and sliding links. Raises AssumptionError, with
+    the reason, for what has other joints, is closed, or has forces that act between joints; and
+    with `otherwise`, where that is said."""
     _check(system)
     if otherwise:
         raise AssumptionError(otherwise)
-    links, q, v = system.links, ca.SX.sym("q"), ca.SX.sym("v")
-    order = _order(links)
+    way = WAYS[function]
+    links, order = system.links, _order(system.links)
     frames, ground = _frames(links, order)
     coordinates = _coordinates(system)
-    force = system.Q - system.h_extra
-    acting = formulas(force, system.t, system.q, system.v, system.u, system.p)
+    acting = formulas(way.force(system), system.t, system.q, system.v, system.u, system.p)
     rotors = ca.diag(system.M_extra)
     rows: list[_Row] = []
     place = {i: k for k, i in enumerate(order)} | {-1: -1}
@@ -73,25 +76,174 @@ def recursion(system: System, otherwise: str = "") -> Recursion:
         check_own(acting[j], coordinates[j], j, links[i].name)
         own = _Own(acting[j], rotors[j], system.q[coordinates[j]])
         rows.append(_row(links, i, frames, ground, own, place[i] == place[links[i].parent] + 1))
-    kinds, kinds_of, rows_of, joints = _kinds(system, rows, q, v)
+    at_link = _AtLink.with_inputs(max(len(row.inputs) for row in rows))
+    kinds, kinds_of, rows_of, joints = _kinds(system, rows, at_link)
     gravity = ground.T @ np.array([_number(x, "gravity") for x in system.gravity])
-    loops, row = sweeps(joints, [_exact(x) for x in gravity])
+    loops, row = way.sweeps(joints, [_exact(x) for x in gravity], at_link)
+    places = _Places(
+        len(coordinates),
+        system.u.numel(),
+        tuple(coordinates[links[i].columns[0]] for i in order),
+        tuple(links[i].columns[0] for i in order),
+        tuple(row.inputs for row in rows),
+    )
     return Recursion(
         parents=tuple(place[links[i].parent] for i in order),
         kinds_of=kinds_of,
         rows_of=rows_of,
-        coordinates=tuple(coordinates[links[i].columns[0]] for i in order),
-        velocities=tuple(links[i].columns[0] for i in order),
-        inputs_of=tuple(x.inputs for x in rows),
+        indices=places.state | places.inputs("input", 0) | way.indices(places),
+        reads=(*at_link.reads, *way.reads(at_link)),
         kinds=kinds,
         angles=tuple(None if x.slides else plus(x.q, x.offset) for x in joints),
         sweeps=loops,
         t=system.t,
-        q=q,
-        v=v,
-        row=row,
+        row=row.symbols,
         p=system.p,
     )
+
+
+# ---- the functions
+
+
+@dataclass(frozen=True)
+class _AtLink:
+    """What stands for the numbers of the link at hand: its state, its inputs, of which kinds take
+    the first ones, and what a function is given besides."""
+
+    q: ca.SX
+    v: ca.SX
+    u: ca.SX
+    rate: ca.SX
+    dq: ca.SX
+    dv: ca.SX
+    du: ca.SX
+    y_q: ca.SX
+    y_v: ca.SX
+
+    @classmethod
+    def with_inputs(cls, inputs: int) -> _AtLink:
+        """With as many inputs as a link has at most."""
+        names = ("q", "v", "u", "rate", "dq", "dv", "du", "y_q", "y_v")
+        sizes = {"u": inputs, "du": inputs}
+        return cls(*(ca.SX.sym(name, sizes.get(name, 1)) for name in names))
+
+    @property
+    def reads(self) -> tuple[Read, ...]:
+        """Of the state and the inputs."""
+        return (
+            Read("q", self.q, "x", "coordinate"),
+            Read("v", self.v, "x", "velocity"),
+            *(Read(f"u{k}", self.u[k], "u", f"input{k}") for k in range(self.u.numel())),
+        )
+
+
+@dataclass(frozen=True)
+class _Places:
+    """By link its coordinate, velocity and inputs, among those of the system."""
+
+    size: int  # of q, and of v
+    size_of_u: int
+    coordinates: tuple[int, ...]
+    velocities: tuple[int, ...]
+    of_inputs: tuple[tuple[int, ...], ...]
+
+    @property
+    def state(self) -> dict[str, tuple[int, ...]]:
+        """In x, and in what is laid out like it."""
+        return self.like_state("coordinate", "velocity", 0)
+
+    def like_state(self, q: str, v: str, first: int) -> dict[str, tuple[int, ...]]:
+        """In (q, v) that begins there."""
+        return {q: _from(self.coordinates, first), v: _from(self.velocities, first + self.size)}
+
+    def inputs(self, name: str, first: int) -> dict[str, tuple[int, ...]]:
+        """In u that begins there; where a link has less of them, any."""
+        most = max(map(len, self.of_inputs))
+        return {
+            f"{name}{k}": tuple(first + (own[k] if k < len(own) else 0) for own in self.of_inputs)
+            for k in range(most)
+        }
+
+
+def _from(places: tuple[int, ...], first: int) -> tuple[int, ...]:
+    return tuple(first + place for place in places)
+
+
+_Made = tuple[tuple[Sweep, ...], Rows]
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A function: what acts at the joints, its sweeps, and what it reads and gives besides."""
+
+    force: Callable[[System], ca.SX]
+    sweeps: Callable[[list[Joint], Vector, _AtLink], _Made]
+    reads: Callable[[_AtLink], tuple[Read, ...]]
+    indices: Callable[[_Places], dict[str, tuple[int, ...]]]
+
+
+def _all_forces(system: System) -> ca.SX:
+    return system.Q - system.h_extra
+
+
+def _forces_without_inputs(system: System) -> ca.SX:
+    idle = ca.substitute(system.Q, system.u, ca.SX.zeros(system.u.numel()))
+    return idle - system.h_extra
+
+
+def _forces_of_a_potential(system: System) -> ca.SX:
+    return -system.h_extra
+
+
+WAYS: dict[str, _Way] = {
+    "dynamics": _Way(
+        _all_forces,
+        lambda joints, gravity, own: forward_dynamics(joints, gravity),
+        lambda own: (),
+        lambda at: {},
+    ),
+    "bias": _Way(
+        _forces_of_a_potential,
+        lambda joints, gravity, own: inverse_dynamics(joints, gravity, 0.0),
+        lambda own: (),
+        lambda at: {"force": at.velocities},
+    ),
+    "inverse_dynamics": _Way(
+        _forces_without_inputs,
+        lambda joints, gravity, own: inverse_dynamics(joints, gravity, own.rate),
+        lambda own: (Read("a", own.rate, "x", "rate"),),
+        lambda at: {"force": at.velocities, "rate": _from(at.velocities, 2 * at.size)},
+    ),
+    "dynamics_forward": _Way(
+        _all_forces,
+        lambda joints, gravity, own: forward_product(
+            joints, gravity, Along(own.q, own.v, own.u, own.dq, own.dv, own.du)
+        ),
+        lambda own: (
+            Read("dq", own.dq, "x", "coordinate_change"),
+            Read("dv", own.dv, "x", "velocity_change"),
+            *(Read(f"du{k}", own.du[k], "x", f"input_change{k}") for k in range(own.du.numel())),
+        ),
+        lambda at: (
+            at.like_state("coordinate_change", "velocity_change", 2 * at.size)
+            | at.inputs("input_change", 4 * at.size)
+        ),
+    ),
+    "dynamics_adjoint": _Way(
+        _all_forces,
+        lambda joints, gravity, own: adjoint_product(
+            joints, gravity, Weights(own.q, own.v, own.u, own.y_q, own.y_v)
+        ),
+        lambda own: (
+            Read("y_q", own.y_q, "x", "coordinate_weight"),
+            Read("y_v", own.y_v, "x", "velocity_weight"),
+        ),
+        lambda at: (
+            at.like_state("coordinate_weight", "velocity_weight", 2 * at.size)
+            | at.inputs("slope", 2 * at.size)
+        ),
+    ),
+}
 
 
 def _check(system: System) -> None:
@@ -292,7 +444,7 @@ def _pair(sine: float, cosine: float) -> tuple[float, float]:
 
 
 def _kinds(
-    system: System, rows: Sequence[_Row], q: ca.SX, v: ca.SX
+    system: System, rows: Sequence[_Row], at_link: _AtLink
 ) -> tuple[tuple[Kind, ...], tuple[int, ...], tuple[int, ...], list[Joint]]:
     """Kinds in the order of their first link, and for every link its kind and the row of it."""
     sorts = list(dict.fromkeys(row.sort for row in rows))
@@ -307,7 +459,7 @@ def _kinds(
         for n, values in own.items():
             rows_of[n] = distinct.setdefault(_key(values), (len(distinct), values))[0]
         table = [values for _, values in distinct.values()]
-        kind, joint = _kind(system, sort, table, q, v)
+        kind, joint = _kind(system, sort, table, at_link)
         kinds.append(kind)
         joints.append(joint)
     of = {sort: k for k, sort in enumerate(sorts)}
@@ -324,7 +476,7 @@ def _key(values: Sequence[Scalar]) -> tuple[object, ...]:
 
 
 def _kind(
-    system: System, sort: _Sort, table: Sequence[tuple[Scalar, ...]], q: ca.SX, v: ca.SX
+    system: System, sort: _Sort, table: Sequence[tuple[Scalar, ...]], at_link: _AtLink
 ) -> tuple[Kind, Joint]:
     """Columns that hold one number become that number."""
     keys = [_key(values) for values in table]
@@ -340,13 +492,11 @@ def _kind(
     symbols = ca.SX.sym("k", len(varies))
     place = {k: n for n, k in enumerate(varies)}
     values: list[Scalar] = [symbols[place[k]] if k in place else x for k, x in enumerate(table[0])]
-    inputs = ca.SX.sym("u", sort.inputs)
-    tau = written(
-        sort.force, q, v, system.t, values[len(_NAMES) :], [inputs[k] for k in range(sort.inputs)]
-    )
+    inputs: Vector = [at_link.u[k] for k in range(sort.inputs)]
+    tau = written(sort.force, at_link.q, at_link.v, system.t, values[len(_NAMES) :], inputs)
     about = ("sliding" if sort.slides else "turning") + (", further child" if sort.further else "")
-    kind = Kind(about, symbols, inputs, tuple(tuple(row[k] for k in varies) for row in table))
-    return kind, _joint(sort.slides, dict(zip(_NAMES, values)), q, v, tau)
+    kind = Kind(about, symbols, tuple(tuple(row[k] for k in varies) for row in table))
+    return kind, _joint(sort.slides, dict(zip(_NAMES, values)), at_link.q, at_link.v, tau)
 
 
 def _is_parametric(values: Sequence[Scalar]) -> bool:

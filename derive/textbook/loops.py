@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from derive.expressions.scalars import Scalar
 from derive.formulations.records import Equations
-from derive.mechanics.recursion import Kind, Recursion
+from derive.mechanics.loops.records import Kind, Recursion
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import bold
 from derive.textbook.records import Display, Line, Math, Runs, Text

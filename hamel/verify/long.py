@@ -35,6 +35,10 @@ SAME = 1e-13  # what only copies, and other ways to call the same loops
 # by 1e-12 (measured); an error in one link's constants shows as the part it has in its own joint.
 BALANCED = 1e-9
 SUMMED = 1e-9  # energies and powers, relative to them or to one of their unit
+# Central differences over STEP lose ten of sixteen digits.
+STEP, CHANGED = 1e-5, 1e-6
+BLOCKS = 8
+ROUNDINGS, DRAWS = 4.0, 3  # of arguments, as far as operations on them are roundings, too
 TINY = 1e-300  # where nothing acts
 
 
@@ -60,8 +64,10 @@ class Place:
 def is_long(equations: Equations, module: ModuleType) -> bool:
     """Whether the model is a tree so long that its module is verified by this suite, which knows
     all functions that it has."""
-    names = {function.name for function in equations.functions} - {name for name, *_ in CHECKS}
-    return of_long_tree(equations) and not any(hasattr(module, name) for name in names)
+    known = {name for name, *_ in CHECKS}
+    further = {x.name for x in (*equations.functions, *equations.requests)} - known
+    whole = hasattr(module, "dynamics")  # which others are held against
+    return of_long_tree(equations) and whole and not any(hasattr(module, x) for x in further)
 
 
 def of_long_tree(equations: Equations) -> bool:
@@ -115,10 +121,9 @@ def _results(
     ref: Reference, module: ModuleType, places: Sequence[Place], loose: float
 ) -> Iterator[CheckResult]:
     for function, name, tolerance, about, error in CHECKS:
-        call = getattr(module, function, None)
-        if call is None:
+        if not hasattr(module, function):
             continue
-        errors = [error(ref, call, place) for place in places]
+        errors = [error(ref, module, place) for place in places]
         yield _result(name, [float(x) for x in errors if x is not None], tolerance * loose, about)
     for name, about, backend in BACKENDS:
         call = backend(module)
@@ -146,22 +151,38 @@ def _called(call: Call, *row: Any) -> Array:
         return np.full(1, np.nan)
 
 
-def _rates(ref: Reference, dynamics: Call, place: Place) -> float:
-    return _relative(_called(dynamics, *place.row)[: len(place.state.q)], place.state.rates)
+def _rates(ref: Reference, module: ModuleType, place: Place) -> float:
+    return _relative(_called(module.dynamics, *place.row)[: len(place.state.q)], place.state.rates)
 
 
-def _motion(ref: Reference, dynamics: Call, place: Place) -> float:
-    vdot = _called(dynamics, *place.row)[len(place.state.q) :]
+def _motion(ref: Reference, module: ModuleType, place: Place) -> float:
+    vdot = _called(module.dynamics, *place.row)[len(place.state.q) :]
     if len(vdot) != len(place.state.v) or not np.isfinite(vdot).all():
         return math.inf
     found = balance(ref, place.state, vdot)
     return _largest(found.left / np.maximum(found.size, TINY))
 
 
-def _inverse(ref: Reference, inverse_dynamics: Call, place: Place) -> float:
-    vdot, own = np.random.default_rng(4).normal(size=len(place.state.v)), place.state
-    x = np.concatenate([place.x, vdot])
-    forces = _called(inverse_dynamics, place.t, x, place.u, place.p)
+def _given(function: str, place: Place) -> Array:
+    """What the function takes behind the state: v̇, changes of state and inputs, weights of ẋ."""
+    nx, nu = len(place.x), len(place.u)
+    sizes = {
+        "inverse_dynamics": len(place.state.v),
+        "dynamics_forward": nx + nu,
+        "dynamics_adjoint": nx,
+    }
+    return _few(np.random.default_rng(4).normal(size=sizes.get(function, 0)))
+
+
+def _row(function: str, place: Place) -> Row:
+    """What the function is called with."""
+    x = np.concatenate([place.x, _given(function, place)])
+    return place.t, x, place.u, place.p
+
+
+def _inverse(ref: Reference, module: ModuleType, place: Place) -> float:
+    vdot, own = _given("inverse_dynamics", place), place.state
+    forces = _called(module.inverse_dynamics, *_row("inverse_dynamics", place))
     if forces.shape != vdot.shape:
         return math.inf
     idle = state_of(ref, place.t, own.q, own.v, np.zeros_like(place.u), own.p)
@@ -169,33 +190,96 @@ def _inverse(ref: Reference, inverse_dynamics: Call, place: Place) -> float:
     return _largest((forces - found.left) / np.maximum(found.size, TINY))
 
 
-def _velocity(ref: Reference, velocity: Call, place: Place) -> float:
-    return _relative(_called(velocity, *place.row), place.state.v)
+def _bias(ref: Reference, module: ModuleType, place: Place) -> float:
+    h = _called(module.bias, *place.row)
+    still = np.zeros(len(place.state.v))
+    if h.shape != still.shape:
+        return math.inf
+    found = balance(ref, place.state, still, driven=False)
+    return _largest((h - found.left) / np.maximum(found.size, TINY))
 
 
-def _state_of(ref: Reference, state: Call, place: Place) -> float:
-    return _relative(_called(state, *place.row), place.x)
+def _along(ref: Reference, module: ModuleType, place: Place) -> float:
+    """What is left of the equations of motion at v̇ + ε dv̇, by central differences along
+    (dx, du): nothing, where dv̇ is right."""
+    nq, nv = len(place.state.q), len(place.state.v)
+    changes = _given("dynamics_forward", place)
+    found = _called(module.dynamics_forward, *_row("dynamics_forward", place))
+    vdot = _called(module.dynamics, *place.row)[nq:]
+    if found.shape != (nq + nv,) or not np.isfinite(found).all() or vdot.shape != (nv,):
+        return math.inf
+    ahead, behind = (
+        balance(ref, _moved(ref, place, side * changes), vdot + side * found[nq:])
+        for side in (STEP, -STEP)
+    )
+    slope = (ahead.left - behind.left) / (2.0 * STEP)
+    size = ahead.size + balance(ref, place.state, found[nq:]).size
+    rates = _relative(found[:nq], changes[nq : nq + nv])
+    return max(rates, _largest(slope / np.maximum(size, TINY)))
 
 
-def _power(ref: Reference, power: Call, place: Place) -> float:
-    return _relative(_called(power, *place.row), np.array([powers(ref, place.state)]))
+def _moved(ref: Reference, place: Place, changes: Array) -> State:
+    nq, nv = len(place.state.q), len(place.state.v)
+    dq, dv, du = np.split(changes, [nq, nq + nv])
+    own = place.state
+    return state_of(ref, place.t, own.q + dq, own.v + dv, place.u + du, own.p)
 
 
-def _energy(ref: Reference, energy: Call, place: Place) -> float:
+def _weighted(ref: Reference, module: ModuleType, place: Place) -> float:
+    """yᵀ times the change of ẋ along (dx, du), by central differences of `dynamics`, against the
+    weighted slopes times (dx, du); by blocks of links, so that the sizes are those of a few."""
+    nx, nu = len(place.x), len(place.u)
+    y, rng = _given("dynamics_adjoint", place), np.random.default_rng(6)
+    slopes = _called(module.dynamics_adjoint, *_row("dynamics_adjoint", place))
+    if slopes.shape != (nx + nu,):
+        return math.inf
+    errors = [0.0]
+    for block in np.array_split(rng.permutation(nx + nu), BLOCKS):
+        d = np.zeros(nx + nu)
+        d[block] = rng.normal(size=len(block))
+        ahead, behind = (
+            _called(
+                module.dynamics, place.t, place.x + side * d[:nx], place.u + side * d[nx:], place.p
+            )
+            for side in (STEP, -STEP)
+        )
+        if ahead.shape != (nx,) or behind.shape != (nx,):
+            return math.inf
+        change = (ahead - behind) / (2.0 * STEP)
+        size = np.abs(y) @ np.abs(change) + np.abs(slopes) @ np.abs(d)
+        errors.append(float(abs(y @ change - slopes @ d) / max(size, TINY)))
+    return _largest(np.array(errors))
+
+
+def _velocity(ref: Reference, module: ModuleType, place: Place) -> float:
+    return _relative(_called(module.velocity, *place.row), place.state.v)
+
+
+def _state_of(ref: Reference, module: ModuleType, place: Place) -> float:
+    return _relative(_called(module.state, *place.row), place.x)
+
+
+def _power(ref: Reference, module: ModuleType, place: Place) -> float:
+    return _relative(_called(module.power, *place.row), np.array([powers(ref, place.state)]))
+
+
+def _energy(ref: Reference, module: ModuleType, place: Place) -> float:
     wanted = np.array(energies(ref, place.state)[:2])
-    return _relative(_called(energy, *place.row)[:2], wanted)
+    return _relative(_called(module.energy, *place.row)[:2], wanted)
 
 
-def _outputs(ref: Reference, function: Call, place: Place) -> float:
-    found = _called(function, *place.row)
+def _outputs(ref: Reference, module: ModuleType, place: Place) -> float:
+    found = _called(module.outputs, *place.row)
     wanted = outputs(ref.model, place.state, np.zeros(0))
     if found.shape != wanted.shape:
         return math.inf
     return _relative(found, nearest_turn(ref.model, wanted, found))
 
 
-def _events(ref: Reference, function: Call, place: Place) -> float:
-    return _relative(_called(function, *place.row), events(ref.model, place.state, np.zeros(0)))
+def _events(ref: Reference, module: ModuleType, place: Place) -> float:
+    return _relative(
+        _called(module.events, *place.row), events(ref.model, place.state, np.zeros(0))
+    )
 
 
 def _relative(found: Array, wanted: Array) -> float:
@@ -208,7 +292,7 @@ def _largest(x: Array) -> float:
     return float(np.max(np.abs(x), initial=0.0)) if np.isfinite(x).all() else math.inf
 
 
-Error = Callable[[Reference, Call, Place], float]
+Error = Callable[[Reference, ModuleType, Place], float]
 # function, what is checked of it, tolerance, what it is held against
 CHECKS: tuple[tuple[str, str, float, str, Error], ...] = (
     ("dynamics", "rates", SAME, "q̇ of dynamics against N v", _rates),
@@ -221,6 +305,21 @@ CHECKS: tuple[tuple[str, str, float, str, Error], ...] = (
         _motion,
     ),
     ("inverse_dynamics", "forces", BALANCED, "the same at any v̇, with no inputs", _inverse),
+    ("bias", "bias", BALANCED, "the same at v̇ = 0, with no forces applied", _bias),
+    (
+        "dynamics_forward",
+        "along",
+        CHANGED,
+        "the balance along (dx, du), by differences of the reference",
+        _along,
+    ),
+    (
+        "dynamics_adjoint",
+        "adjoint",
+        CHANGED,
+        "yᵀ times differences of dynamics, against the product times (dx, du)",
+        _weighted,
+    ),
     ("velocity", "velocity", SAME, "v", _velocity),
     ("state", "state", SAME, "x of (q, v)", _state_of),
     ("power", "power", SUMMED, "of the forces without a potential", _power),
@@ -285,11 +384,26 @@ def shipped_rows(
         yield (
             name,
             [
-                (place.row, _called(call, *place.row))
+                (_row(name, place), _called(call, *_row(name, place)))
                 for place in places
-                if all(error(ref, call, place) <= tolerance for tolerance, error in checks)
+                if all(error(ref, module, place) <= tolerance for tolerance, error in checks)
             ],
         )
+
+
+def rounding(call: Call, row: Row, epsilon: float) -> float:
+    """The largest change of an entry of the result where all arguments are off by a few roundings:
+    no less does another order of operations make. Nothing is written out for it."""
+    t, *others = row
+    value, rng = _called(call, *row), np.random.default_rng(7)
+    changes = [0.0]
+    for _ in range(DRAWS):
+        off = [
+            x * (1.0 + ROUNDINGS * epsilon * rng.uniform(-1.0, 1.0, np.shape(x))) for x in others
+        ]
+        moved = _called(call, t, *off)
+        changes.append(_largest(moved - value) if moved.shape == value.shape else math.inf)
+    return max(changes)
 
 
 def _few(values: Array) -> Array:

@@ -22,7 +22,7 @@ from codegen.seal import VERIFICATION
 from derive.diagnostics import VerificationError
 from derive.formulations.records import Equations
 from hamel.verify.checks.evidence import Evidence, Row, likely_roundoff
-from hamel.verify.long import is_long, shipped_rows
+from hamel.verify.long import is_long, rounding, shipped_rows
 from hamel.verify.records import CheckResult
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence
@@ -82,7 +82,9 @@ def _of_long(
     for name, kept in shipped_rows(equations, module, seed, states):
         if kept:
             places, values = zip(*kept)
-            results[name] = _columns(places, values, _sizes(equations, name, places, values, real))
+            call = getattr(module, name)
+            errors = [MANY * rounding(call, place, real.epsilon) for place in places]
+            results[name] = _columns(places, values, _larger(values, np.array(errors), real))
     return _fitting(results, most)
 
 
@@ -130,6 +132,11 @@ def _sizes(
 ) -> list[float]:
     """In terms of which errors are told: the largest entry, or what counts as roundoff."""
     errors = MANY * real.coarseness * likely_roundoff(equations, name, places, real)
+    return _larger(values, errors, real)
+
+
+def _larger(values: Sequence[np.ndarray], errors: np.ndarray, real: Real) -> list[float]:
+    """The largest entry, or what an error so large is the tolerance of."""
     counted = errors / tolerance_of(real is FLOAT64)
     return [max(_largest(value), _largest(error)) for value, error in zip(values, counted)]
 

@@ -35,12 +35,13 @@ class _Carried:
     size: Array
 
 
-def balance(ref: Reference, s: State, vdot: Array, inputs: bool = True) -> Balance:
-    """What is left of the equations of motion of a tree at these accelerations; without `inputs`
-    the applied forces are left out. A tree has neither closures nor constraints, and its kinetic
+def balance(ref: Reference, s: State, vdot: Array, driven: bool = True) -> Balance:
+    """What is left of the equations of motion of a tree at these accelerations; where it is not
+    `driven` no forces but weights. A tree has neither closures nor constraints, and its kinetic
     energy is that of bodies and rotors."""
     place = ref.place
-    loads = applied(ref.model, place, s).total if inputs else np.zeros(place.size)
+    forces = applied(ref.model, place, s)
+    loads = forces.total if driven else forces.weight
     carried = _wrenches(ref, s, _twist_rates(s, vdot), loads)
     spinning = rotors(ref, s) * vdot
     left, size = spinning - loads[: place.nv], np.abs(spinning) + np.abs(loads[: place.nv])

@@ -1,0 +1,97 @@
+"""What a function as loops over links is made of: sweeps, visits of links, tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+from derive.expressions.scalars import Matrix, Scalar, Vector
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What a visit reads of a link of one kind: symbols, and floats where all links of the kind
+    have the same number."""
+
+    slides: bool
+    q: Scalar
+    v: Scalar
+    tau: Scalar  # what acts at the joint
+    rotor: Scalar
+    offset: Scalar  # of the angle; of a sliding joint sine and cosine of it instead
+    sine: Scalar
+    cosine: Scalar
+    alpha: tuple[Scalar, Scalar]  # sine, cosine
+    gamma: tuple[Scalar, Scalar]
+    place: Vector
+    mass: Scalar
+    moment: Vector
+    tensor: Matrix
+
+
+@dataclass(frozen=True)
+class Read:
+    """A number of the link at hand: `symbol` stands for the entry of the `argument` (x or u) that
+    the index of that name leads to."""
+
+    name: str
+    symbol: ca.SX
+    argument: str
+    index: str
+
+
+@dataclass(frozen=True)
+class Visit:
+    """What a sweep does at one link: entries of the link's row that it keeps, what it hands on
+    along the tree, and entries of the result, by the name of the index that leads there."""
+
+    kept: dict[int, Scalar]
+    handed: Vector
+    results: dict[str, Scalar] = field(default_factory=dict[str, Scalar])
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A loop over the links. What a link receives is what its parent handed on where the sweep is
+    `rising`, else the sum of what its children did; `start` is what the ground hands on. Of the
+    entries that are handed on by structure, those that are zero at every link are left out."""
+
+    title: str
+    rising: bool
+    received: ca.SX
+    start: Vector
+    visits: tuple[Visit, ...]  # by kind
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Links that share a formula. `constants` are symbols for the columns of the `table`."""
+
+    about: str
+    constants: ca.SX
+    table: tuple[tuple[Scalar, ...], ...]
+
+
+@dataclass(frozen=True)
+class Recursion:
+    """A function of a tree. By link, parents before children and a child directly after its parent
+    where it can be: parent (−1 the ground), kind, row of the kind's table, and by name the
+    `indices` of entries of arguments and results. Of a result that several links have in common
+    each adds its part. `row` stands for that of the link at hand; it begins with sine and cosine of
+    the angle."""
+
+    parents: tuple[int, ...]
+    kinds_of: tuple[int, ...]
+    rows_of: tuple[int, ...]
+    indices: Mapping[str, tuple[int, ...]]
+    reads: tuple[Read, ...]
+    kinds: tuple[Kind, ...]
+    angles: tuple[
+        Scalar | None, ...
+    ]  # by kind, where its links turn: sine and cosine go before all
+    sweeps: tuple[Sweep, ...]
+    t: ca.SX
+    row: ca.SX
+    p: ca.SX

@@ -4,7 +4,8 @@ grow, and what does not fit says so.
 Of codegen.passes: roll.
 Of codegen.targets: rolled.
 Of derive.formulations: rolled.
-Of derive.mechanics: recursion, templates.
+Of derive.mechanics: templates.
+Of derive.mechanics.loops: forward_dynamics, frames, inverse_dynamics, products, records, sweeps.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from tests.scenes import MODELS
 from tests.trees import chain, equal_links, tree
 
 DYNAMICS = ("dynamics",)
+FUNCTIONS = (*DYNAMICS, "bias", "inverse_dynamics", "dynamics_forward", "dynamics_adjoint")
 CLOSE = 1e-12  # relative; both ways differ by rounding
 
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -66,10 +68,11 @@ def numpy_module(base: Path, made: Program, monkeypatch: pytest.MonkeyPatch) -> 
     return importlib.import_module(f"{package}._numpy")
 
 
-def states(made: Program, many: int) -> tuple[np.ndarray, ...]:
-    """x, u and p at random, p around its defaults."""
+def states(made: Program, many: int, function: str = "dynamics") -> tuple[np.ndarray, ...]:
+    """What stands for x, with u and p at random, p around its defaults."""
     rng = np.random.default_rng(1)
     sizes = {a.name: len(a.names) for a in made.arguments}
+    sizes["x"] = len(made.kernel(function).x.names)
     p = np.array(made.argument("p").defaults) * rng.uniform(0.8, 1.2, (many, sizes["p"]))
     return rng.normal(size=(many, sizes["x"])), rng.normal(size=(many, sizes["u"])), p
 
@@ -79,30 +82,51 @@ def test_loops_give_what_straight_code_gives(
     text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     equations = derived(tmp_path, text)
-    found = []
-    for roll in ("always", "never"):
-        made = program(equations, DYNAMICS, roll=roll)
-        assert (made.kernel("dynamics").rolled is not None) == (roll == "always")
-        x, u, p = states(made, 5)
-        found.append(numpy_module(tmp_path, made, monkeypatch).dynamics(0.3, x, u, p))
-    assert np.abs(found[0] - found[1]).max() <= CLOSE * np.abs(found[1]).max()
+    ways = {roll: program(equations, FUNCTIONS, roll=roll) for roll in ("always", "never")}
+    modules = {roll: numpy_module(tmp_path, made, monkeypatch) for roll, made in ways.items()}
+    for name in FUNCTIONS:
+        assert ways["always"].kernel(name).rolled and not ways["never"].kernel(name).rolled
+        row = states(ways["never"], 5, name)
+        found, expected = (getattr(module, name)(0.3, *row) for module in modules.values())
+        assert np.abs(found - expected).max() <= CLOSE * np.abs(expected).max(), name
+
+
+def test_products_of_derivatives_in_loops_are_slopes_of_the_dynamics(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By central differences, and both products of one another: yᵀ (J d) = (Jᵀ y)ᵀ d."""
+    made = program(derived(tmp_path, tree()), FUNCTIONS, roll="always")
+    module = numpy_module(tmp_path, made, monkeypatch)
+    x, u, p = states(made, 1)
+    rng, nx = np.random.default_rng(3), x.shape[1]
+    dx, du, y = (rng.normal(size=(1, n)) for n in (nx, u.shape[1], nx))
+    along = module.dynamics_forward(0.3, np.hstack([x, dx, du]), u, p)
+    ahead, behind = (
+        module.dynamics(0.3, x + side * dx, u + side * du, p) for side in (1e-6, -1e-6)
+    )
+    assert np.abs(along - (ahead - behind) / 2e-6).max() <= 1e-6 * np.abs(along).max()
+    slopes = module.dynamics_adjoint(0.3, np.hstack([x, y]), u, p)
+    across = float((slopes @ np.hstack([dx, du]).T)[0, 0])
+    assert across == pytest.approx(float((y @ along.T)[0, 0]), rel=1e-11)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("text", [chain(50), tree(), equal_links(9)])
 def test_compiled_loops_one_by_one_and_in_lanes(text: str, tmp_path: Path) -> None:
     equations = derived(tmp_path, text)
-    straight = program(equations, DYNAMICS, roll="never")
-    x, u, p = states(straight, 37)  # full groups of lanes, and some left over
-    expected = loader.load(published(straight, tmp_path / "straight").folder).dynamics(0.3, x, u, p)
+    straight = program(equations, FUNCTIONS, roll="never")
+    plain = loader.load(published(straight, tmp_path / "straight").folder)
     rolled = loader.load(
-        published(program(equations, DYNAMICS, roll="always"), tmp_path / "rolled").folder
+        published(program(equations, FUNCTIONS, roll="always"), tmp_path / "rolled").folder
     )
-    alone = np.array([rolled.dynamics(0.3, *row) for row in zip(x, u, p)])
-    size = np.abs(expected).max()
-    assert np.abs(alone - expected).max() <= CLOSE * size
-    assert np.abs(rolled.dynamics(0.3, x, u, p) - expected).max() <= CLOSE * size
-    assert np.abs(rolled.dynamics(0.3, x, u, p[0])[0] - expected[0]).max() <= CLOSE * size
+    for name in FUNCTIONS:
+        x, u, p = states(straight, 37, name)  # full groups of lanes, and some left over
+        expected, call = getattr(plain, name)(0.3, x, u, p), getattr(rolled, name)
+        alone = np.array([call(0.3, *row) for row in zip(x, u, p)])
+        size = np.abs(expected).max()
+        assert np.abs(alone - expected).max() <= CLOSE * size, name
+        assert np.abs(call(0.3, x, u, p) - expected).max() <= CLOSE * size, name
+        assert np.abs(call(0.3, x, u, p[0])[0] - expected[0]).max() <= CLOSE * size, name
 
 
 def code_without_tables(made: Program) -> str:

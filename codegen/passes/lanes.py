@@ -16,8 +16,10 @@ PLAIN = frozenset({
 })  # fmt: skip
 # statements, inputs and outputs together: longer loops over lanes take compilers too long
 WIDEST = 1_500
-# numbers of a function of loops over links: of one lane, and eight of them go on the stack
-MOST_ROLLED = 40_000
+# Numbers that functions of loops over links take on the stack, all lanes together: 3.2 MB. Long
+# mechanisms go in fewer lanes, and alone where not even two have room.
+MOST_ROLLED = 400_000
+FEWEST = 2
 LONGEST = 12_000  # of functions that are asked for by name, in parts
 
 
@@ -26,6 +28,22 @@ def is_batched(kernel: Kernel) -> bool:
     instructions of it."""
     alone = kernel.loop is None and kernel.solving is None
     return kernel.name in BATCHED and alone and _is_straight(kernel)
+
+
+def most_lanes(program: Program) -> int:
+    """As many lanes as have room on the stack, a power of two; 16 where there is room for all."""
+    rolled = [k for k in program.kernels if k.rolled and (is_batched(k) or k.name in STEPPED)]
+    numbers = max((_numbers(kernel) for kernel in rolled), default=1)
+    lanes = 16
+    while lanes * numbers > MOST_ROLLED:
+        lanes //= 2
+    return lanes
+
+
+def _numbers(kernel: Kernel) -> int:
+    """What a lane of a loop over links takes: workspace, result and arguments."""
+    workspace = kernel.rolled.workspace if kernel.rolled else 0
+    return workspace + kernel.size + len(kernel.watched)
 
 
 def side_by_side(program: Program) -> tuple[Kernel, ...]:
@@ -76,7 +94,7 @@ def does_work(program: Program) -> bool:
 def _is_straight(kernel: Kernel) -> bool:
     if kernel.rolled:
         bodies = values_of(kernel.rolled)
-        short = kernel.rolled.workspace + kernel.size <= MOST_ROLLED
+        short = FEWEST * _numbers(kernel) <= MOST_ROLLED
         return short and all(is_plain(value, PLAIN - {"sin", "cos"}) for value in bodies)
     values = [s.value for section in kernel.sections for s in section.statements]
     values += [*kernel.outputs, *(guard.value for guard in kernel.guards)]

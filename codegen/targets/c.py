@@ -12,7 +12,15 @@ from itertools import pairwise
 from typing import Any
 
 from codegen import text
-from codegen.passes.lanes import DYNAMICS, POWER, has_rates, has_slope, is_batched, side_by_side
+from codegen.passes.lanes import (
+    DYNAMICS,
+    POWER,
+    has_rates,
+    has_slope,
+    is_batched,
+    most_lanes,
+    side_by_side,
+)
 from codegen.passes.schedule import TURNS
 from codegen.passes.split import Copy, Part, names, split
 from codegen.program import BASE, PREVIOUS, Expression, Kernel, Program, Rolled, Section, Statement
@@ -127,6 +135,7 @@ def files(program: Program) -> dict[str, str]:
                 ),
                 f"{program.name}_lanes.h": text.render(
                     "lanes.h.j2",
+                    room=most_lanes(program),
                     bodies=batches,
                     stepped=stepped,
                     moved=_moved(program, [*batches, *stepped]),

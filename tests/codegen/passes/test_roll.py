@@ -22,9 +22,10 @@ import numpy as np
 import pytest
 
 import hamel
-from codegen import loader
+from codegen import loader, passes
 from codegen.emit import emit
 from codegen.passes import program
+from codegen.passes.lanes import is_batched, most_lanes
 from codegen.passes.roll import FROM
 from codegen.program import Program, Rolled
 from derive.diagnostics import AssumptionError, VerificationError
@@ -127,6 +128,23 @@ def test_compiled_loops_one_by_one_and_in_lanes(text: str, tmp_path: Path) -> No
         assert np.abs(alone - expected).max() <= CLOSE * size, name
         assert np.abs(call(0.3, x, u, p) - expected).max() <= CLOSE * size, name
         assert np.abs(call(0.3, x, u, p[0])[0] - expected[0]).max() <= CLOSE * size, name
+
+
+def test_long_mechanisms_go_in_fewer_lanes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two have room in the end; their rows are those of one state."""
+    made = program(derived(tmp_path, chain(7)), FUNCTIONS, roll="always")
+    assert most_lanes(made) == 16
+    numbers = loops(made).workspace + 3 * 14 - 7
+    for lanes, found in ((9, 8), (5, 4), (2, 2)):
+        monkeypatch.setattr(passes.lanes, "MOST_ROLLED", lanes * numbers)
+        assert most_lanes(made) == found and is_batched(made.kernel("dynamics"))
+    module = loader.load(published(made, tmp_path / "two").folder)
+    assert "LANES = 2 }" in (tmp_path / "two" / f"{made.name}_lanes.h").read_text()
+    x, u, p = states(made, 9)
+    alone = np.array([module.dynamics(0.3, *row) for row in zip(x, u, p)])
+    assert np.abs(module.dynamics(0.3, x, u, p) - alone).max() <= CLOSE * np.abs(alone).max()
+    monkeypatch.setattr(passes.lanes, "MOST_ROLLED", numbers)
+    assert not is_batched(made.kernel("dynamics"))
 
 
 def code_without_tables(made: Program) -> str:

@@ -66,10 +66,7 @@ def _names(choice: str | None) -> list[str | None]:
 def _of_choice(asked: Formulation, survey: Survey, choice: Choice) -> Equations:
     result, system = asked.build(survey, choice), survey.system
     moves = configuration(system) if is_plain(system) else ()
-    further = (
-        *manifold(result, survey.kept, survey.closing),
-        *moves,
-    )
+    further = (*manifold(result, survey), *moves)
     return replace(result, requests=(*result.requests, *further))
 
 

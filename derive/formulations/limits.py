@@ -24,8 +24,8 @@ CLOSED = 1e-13  # project stops when |φ| is this small, in the units of φ, div
 USUAL = 3  # … the size of its terms where that is more than so many powers of ten from one
 MOST_STEPS = 20  # of Newton; it doubles the digits in each, or does not converge
 
-# manifold
-SAMPLES = 12  # states that the usual size of a row is the median over
+# distribution
+SAMPLES = 12  # states at which it is looked at
 
 # configuration
 # keeps 0/0 out of sin(θ)/θ, which does not change where θ² is not far above; float32 can hold it

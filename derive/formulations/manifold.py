@@ -8,16 +8,13 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from derive.choices.survey import Survey
 from derive.expressions.scalars import Scalar, Vector
-from derive.formulations.limits import SAMPLES
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Equations, Function, Pattern, Request, Result
 from derive.joints.rotations import dot, is_zero
 from derive.mechanics.kinks import kinks
-from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
-from derive.states.closing import Kinematics
-from derive.states.sampling import states
 
 CLOSURE = (
     "position constraints with Jacobian: [ψ, ∂ψ/∂q] row by row, ψ = independent φ and "
@@ -40,12 +37,9 @@ GUARDS = (
 KINKS = "what changes its sign where forces go on to another piece: a step ends there"
 
 
-def manifold(
-    equations: Equations, kept: Sequence[int], closing: Sequence[int]
-) -> tuple[Request, ...]:
-    """Requests for what is there; `kept` and `closing` are the independent rows, of all and of the
-    holonomic ones."""
-    x = equations.argument("x")
+def manifold(equations: Equations, survey: Survey) -> tuple[Request, ...]:
+    """Requests for what is there."""
+    kept, closing, x = survey.kept, survey.closing, equations.argument("x")
     requests: list[Request] = []
     if closing or equations.system.quaternions:
         requests.append(Request("closure", CLOSURE, lambda: _closure(equations, closing)))
@@ -57,7 +51,7 @@ def manifold(
     if dynamics is not None and (dynamics.guards or (kept and keeps_velocities(equations))):
         requests.append(Request("guards", GUARDS, lambda: _guards(equations, kept, dynamics)))
     if kept:
-        requests.append(Request("constraint_rows", ROWS, lambda: _rows(equations, kept)))
+        requests.append(Request("constraint_rows", ROWS, lambda: _rows(equations, survey)))
     if found := kinks(equations.system):
         requests.append(Request("kinks", KINKS, lambda: _kinks(equations, found)))
     return tuple(requests)
@@ -95,8 +89,8 @@ def _slip(equations: Equations, kept: Sequence[int], x: Argument) -> Function:
     )
 
 
-def _rows(equations: Equations, kept: Sequence[int]) -> Function:
-    sizes = _usual_lengths(equations.system, kept)
+def _rows(equations: Equations, survey: Survey) -> Function:
+    kept, sizes = survey.kept, _usual_lengths(survey)
     A = ca.sparsify(ca.mtimes(ca.diag(ca.DM(1.0 / sizes)), equations.system.A[list(kept), :]))
     columns, rows = A.T.sparsity().get_triplet()
     names = [equations.system.rows[i].name for i in kept]
@@ -107,14 +101,12 @@ def _rows(equations: Equations, kept: Sequence[int]) -> Function:
     return Function("constraint_rows", ROWS, Result("A", value, labels, (), pattern=pattern))
 
 
-def _usual_lengths(system: System, kept: Sequence[int]) -> np.ndarray:
-    """The median length of each row of A over sampled states, as a power of two: dividing by it
-    rounds nothing. A row that vanishes at a singular position stays short beside it."""
-    solver = Kinematics(system)
-    sample = states(system, SAMPLES, solver=solver)
-    if not len(sample.t):
-        return np.ones(len(kept))
-    rows = solver.rows(sample.t, sample.q, sample.p)[0][:, list(kept)]
+def _usual_lengths(survey: Survey) -> np.ndarray:
+    """The median length of each independent row of A over sampled states, as a power of two:
+    dividing by it rounds nothing. A row that vanishes at a singular position stays short beside
+    it."""
+    s = survey.sampled
+    rows = survey.solver.rows(s.t, s.q, s.p)[0][:, list(survey.kept)]
     lengths = np.median(np.linalg.norm(rows, axis=2), axis=0)
     return 2.0 ** np.round(np.log2(np.where(lengths > 0, lengths, 1.0)))
 

@@ -53,17 +53,20 @@ INLINE void turn(const double *from, ptrdiff_t apart, double *to, ptrdiff_t besi
 #endif
 }
 
+/* Are there four rows and four entries to be turned over at a time? */
+#define BY_FOURS(n) (LANES % 4 == 0 && (n) >= 4)
+
 /* Entries of LANES rows side by side: to[i * LANES + lane] is entry i of row lane. Four by four; the last four of a row may have
    been done before. */
 INLINE void take(int n, const double *restrict rows, ptrdiff_t stride, double *restrict to)
 {
     int i, lane;
-    for (lane = 0; lane < LANES && n >= 4; lane += 4)
+    for (lane = 0; lane < LANES && BY_FOURS(n); lane += 4)
         for (i = 0; i < n; i += 4) {
             const int k = i < n - 4 ? i : n - 4;
             turn(rows + lane * stride + k, stride, to + k * LANES + lane, LANES);
         }
-    for (i = 0; i < n && n < 4; i++)
+    for (i = 0; i < n && !BY_FOURS(n); i++)
         for (lane = 0; lane < LANES; lane++)
             to[i * LANES + lane] = rows[lane * stride + i];
 }
@@ -72,12 +75,12 @@ INLINE void take(int n, const double *restrict rows, ptrdiff_t stride, double *r
 INLINE void give(int n, const double *restrict from, double *restrict rows, ptrdiff_t stride)
 {
     int i, lane;
-    for (lane = 0; lane < LANES && n >= 4; lane += 4)
+    for (lane = 0; lane < LANES && BY_FOURS(n); lane += 4)
         for (i = 0; i < n; i += 4) {
             const int k = i < n - 4 ? i : n - 4;
             turn(from + k * LANES + lane, LANES, rows + lane * stride + k, stride);
         }
-    for (lane = 0; lane < LANES && n < 4; lane++)
+    for (lane = 0; lane < LANES && !BY_FOURS(n); lane++)
         for (i = 0; i < n; i++)
             rows[lane * stride + i] = from[i * LANES + lane];
 }

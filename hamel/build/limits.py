@@ -9,6 +9,9 @@ ATTEMPTS = 20  # another build may be doing the same
 QUICK_STATES = 20  # what a build verifies at; `verify` does more
 FEWEST = 2  # states it looks at in any case
 MANY = 2000  # bodies, over all states
+# and generalized velocities of closed mechanisms, each squared, for their equations are solved
+# densely
+DENSE = 150_000
 
 # scratch
 YOUNG = 60.0  # s: so long after it was made a folder of a living process may not be locked yet

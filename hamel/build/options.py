@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal
 
-from hamel.build.limits import FEWEST, MANY, QUICK_STATES
+from hamel.build.limits import DENSE, FEWEST, MANY, QUICK_STATES
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
@@ -46,5 +46,9 @@ class BuildOptions:
 
 
 def affordable(equations: Equations, states: int) -> int:
-    """Fewer states where there are many bodies: the reference is not made for speed."""
-    return max(FEWEST, min(states, MANY // max(1, len(equations.system.model.bodies))))
+    """Fewer states where there are many bodies, or many velocities in loops: the reference is not
+    made for speed."""
+    system = equations.system
+    bodies, velocities = len(system.model.bodies), system.v.numel() if system.rows else 0
+    most = min(MANY // max(1, bodies), DENSE // max(1, velocities) ** 2)
+    return max(FEWEST, min(states, most))

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from hamel.build import store
+from hamel.build.limits import DAY
 
 ENTRY = store.Entry({"a.so": bytes(range(256)), "b/c.txt": b"text"}, {"model": "m", "n": [1, 2.5]})
 KEYS = ("a" * 64, "b" * 64)
@@ -117,7 +118,7 @@ def test_what_is_old_or_too_much_is_dropped(tmp_path: Path) -> None:
         entry = tmp_path / name
         entry.mkdir()
         (entry / "file").write_text("x" * 1000)
-        os.utime(entry, (time.time() - age * store.DAY,) * 2)
+        os.utime(entry, (time.time() - age * DAY,) * 2)
     store.prune(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"new", "week", "month"}
     store.prune(tmp_path, largest=2500)

@@ -1,16 +1,16 @@
-"""How time grows with the number of links: derivation, emission, compilation, loading, evaluation
-of chains and random trees.
+"""How time grows with the number of links: every stage from the file to a verified module, and
+evaluation, of chains, trees and rows of loops.
 
-    python benchmarks/growth.py [10 30 100 300 1000] [--kinds chain,tree,kane,pinocchio] [--json
-    FILE] [--plot FILE.svg]
+    python benchmarks/growth.py [10 100 1000 10000] [--kinds planar,oblique,tree,loops,pinocchio]
+    [--json FILE] [--plot FILE.svg]
 
 Every mechanism runs in a process of its own with an empty cache; times are processor seconds, the
 compiler's own included, so that other work on the machine shows as little as possible. The
-exponents are between a tenth of the largest number of links and the largest. Beside them, as far as
-they come within a minute of processor time and 8 GB: derivation by SymPy's KanesMethod (also for 2,
-3, 5, 8, … links), and evaluation by Pinocchio's articulated-body algorithm where it is installed
-(its Python call, some 2 µs, included). Rows that FILE already has and that were not measured now
-are kept.
+exponents are between a tenth of the largest number of links and the largest, and for those that
+reach 10,000 between 100 and it. Beside them, as far as they come within a minute of processor time
+and 8 GB: derivation by SymPy's KanesMethod, and one forward dynamics by Pinocchio, MuJoCo and
+Exudyn where they are installed (the call from Python, some 2 µs, included). Rows that FILE already
+has and that were not measured now are kept.
 """
 
 from __future__ import annotations
@@ -25,64 +25,91 @@ import subprocess
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-LENGTHS = (10, 30, 100, 300, 1000)
-FUNCTIONS = (
-    "dynamics",
-    "bias",
-    "inverse_dynamics",
-    "energy",
-)  # the mass matrix has n² entries by itself
+from peers import long
+
+LENGTHS = (10, 30, 100, 300, 1000, 3000, 10_000)
+# what is made of a long tree by default and computes something
+FUNCTIONS = ("dynamics", "bias", "inverse_dynamics", "power", "state")
 LONGEST = 60  # processor seconds for a peer
 MOST = 8 << 30  # bytes for a peer: Pinocchio's data grow with the cube of the length
-PEERS = {
-    "kane": (2, 3, 5, 8, 12, 20, 30),
-    "pinocchio": (),
-}  # numbers of links besides those asked for
+FEW = (2, 3, 5, 8, 12)  # links besides those asked for, of a peer that does not come far
 WIDTH, HEIGHT = 510, 420  # of one chart and the room around it
-STAGES = ("derive", "program", "emit", "compile", "load", "evaluate")
+ROWS = 64  # states side by side
+STAGES = ("model", "mechanics", "formulation", "passes", "emit", "compile", "verify")
+SPEEDS = ("evaluate", "lanes")
+LOOPS = 200  # the most that are derived in minutes
 
 
-def chain(n: int) -> str:
+def planar(n: int) -> str:
     """A planar pendulum of n equal links."""
-    lines = ["model: chain", "plane: xy", "gravity: [0, -9.81 m/s^2]", "bodies:"]
-    lines += [f"  b{i}: {{mass: 1.0, com: [0.5, 0], inertia: 0.08}}" for i in range(n)]
-    lines.append("joints:")
-    for i in range(n):
-        parent, at = (f"b{i - 1}", 1.0) if i else ("ground", 0.0)
-        lines.append(
-            f"  j{i}: {{type: revolute, parent: {parent}, child: b{i}, at: [{at}, 0], coordinate: q{i}}}"
-        )
+    lines = [
+        "model: planar",
+        "plane: xy",
+        "gravity: [0, -9.81 m/s^2]",
+        f"repeat: {{i: 0..{n - 1}, j: 1..{n - 1}}}",
+    ]
+    lines += ["bodies:", '  "b{i}": {mass: 1.0, com: [0.5, 0], inertia: 0.08}', "joints:"]
+    lines.append("  j0: {type: revolute, parent: ground, child: b0, coordinate: q0}")
+    lines.append(
+        '  "j{j}": {type: revolute, parent: "b{j-1}", child: "b{j}", at: [1.0, 0], coordinate: "q{j}"}'
+    )
     return "\n".join(lines) + "\n"
+
+
+def loops(n: int) -> str:
+    """A row of n four-bars, each hinged to the next (IFToMM benchmark A02)."""
+    text = (MODELS / "gallery" / "forty_four_bars.yaml").read_text(encoding="utf-8")
+    return text.replace("1..40", f"1..{n}").replace("0..40", f"0..{n}")
+
+
+def oblique(n: int) -> str:
+    """A chain of turning links, placed and weighted at random."""
+    return _robot(range(-1, n - 1), lambda draw: "continuous")
 
 
 def tree(n: int) -> str:
-    """A planar tree: each link hangs on the tip of one of those before it, drawn at random."""
+    """Each link hangs on one of those before it, drawn at random; two thirds turn, the others
+    slide."""
     draw = random.Random(n)
     parents = [-1, *(draw.randrange(i) for i in range(1, n))]
-    lines = chain(n).splitlines()
-    first = len(lines) - n
+    return _robot(parents, lambda draw: draw.choice(("continuous", "continuous", "prismatic")))
+
+
+def _robot(parents: Any, kind: Callable[[random.Random], str]) -> str:
+    draw = random.Random(1)
+
+    def numbers(size: float) -> str:
+        return " ".join(str(draw.uniform(-size, size)) for _ in range(3))
+
+    parts = ['<robot name="links"><link name="base"/>']
     for i, above in enumerate(parents):
-        parent, at = (f"b{above}", 1.0) if i else ("ground", 0.0)
-        lines[first + i] = (
-            f"  j{i}: {{type: revolute, parent: {parent}, child: b{i}, at: [{at}, 0], coordinate: q{i}}}"
+        inertia = " ".join(f'{name}="{draw.uniform(0.01, 0.02)}"' for name in ("ixx", "iyy", "izz"))
+        parts.append(
+            f'<link name="l{i}"><inertial><origin xyz="{numbers(0.1)}"/><mass value="{draw.uniform(0.5, 2)}"/>'
+            f'<inertia {inertia} ixy="0.001" ixz="-0.0005" iyz="0.0002"/></inertial></link>'
+            f'<joint name="j{i}" type="{kind(draw)}"><parent link="{f"l{above}" if above >= 0 else "base"}"/>'
+            f'<child link="l{i}"/><origin xyz="{numbers(0.3)}" rpy="{numbers(3.0)}"/><axis xyz="0 0 1"/>'
+            '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
         )
-    return "\n".join(lines) + "\n"
+    return "".join(parts) + "</robot>"
 
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("lengths", nargs="*", type=int, default=list(LENGTHS))
-    options.add_argument("--kinds", default="chain,tree,kane,pinocchio")
+    options.add_argument("--kinds", default=",".join(KINDS))
     options.add_argument("--json", type=Path)
     options.add_argument("--plot", type=Path)
     options.add_argument("--one", help=argparse.SUPPRESS)
     chosen = options.parse_args()
     if chosen.one:
         kind, n = chosen.one.split(",")
+        warnings.simplefilter("ignore")  # limits of joints, a hundred times
         if kind in PEERS:
             resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))
             resource.setrlimit(resource.RLIMIT_AS, (MOST, MOST))
@@ -110,11 +137,13 @@ def _series(kind: str, lengths: list[int]) -> list[dict[str, Any]]:
     """One kind, length after length, until one cannot be had."""
     print(
         f"\n{kind}\n{'links':>6}"
-        + "".join(f"{name:>11}" for name in (*STAGES, "wall", "MB", "operations"))
-        + "   (s; evaluate in ns)"
+        + "".join(f"{name:>12}" for name in (*STAGES, *SPEEDS, "wall", "MB", "operations"))
+        + "   (s; evaluate and lanes in ns a link)"
     )
     rows: list[dict[str, Any]] = []
-    for n in lengths if kind not in PEERS else sorted({*lengths, *PEERS[kind]}):
+    if kind == "loops":
+        lengths = [n for n in lengths if n <= LOOPS]
+    for n in lengths if kind not in PEERS else sorted({*lengths, *FEW}):
         row = _apart(kind, n)
         if row is None:
             print(f"{n:6d}  not reached")
@@ -138,37 +167,37 @@ def _apart(kind: str, n: int) -> dict[str, Any] | None:
 
 
 def _row(row: dict[str, Any]) -> str:
-    def cell(name: str, width: int, digits: int, scale: float = 1.0) -> str:
-        return f"{row[name] * scale:{width}.{digits}f}" if name in row else " " * (width - 1) + "–"
+    def cell(name: str, digits: int, scale: float = 1.0) -> str:
+        return f"{row[name] * scale:12.{digits}f}" if name in row else " " * 11 + "–"
 
-    times = "".join(cell(stage, 11, 2) for stage in STAGES[:-1])
-    rest = (
-        cell("evaluate", 11, 0, 1e9)
-        + cell("wall", 11, 1)
-        + cell("MB", 11, 0)
-        + cell("operations", 11, 0)
-    )
-    return f"{row['links']:6d}{times}{rest}"
+    times = "".join(cell(stage, 2) for stage in STAGES)
+    speeds = "".join(cell(name, 1, 1e9 / row["links"]) for name in SPEEDS)
+    rest = cell("wall", 1) + cell("MB", 0) + cell("operations", 0)
+    return f"{row['links']:6d}{times}{speeds}{rest}"
 
 
 def _exponents(rows: list[dict[str, Any]]) -> str:
     """Of each stage, from the largest mechanism of at most a tenth of the largest to the
     largest."""
     last = rows[-1]
+    share = 100 if last["links"] >= 10_000 else 10
     first = next(
-        row for row in reversed(rows[:-1]) if row["links"] * 10 <= last["links"] or row is rows[0]
+        row
+        for row in reversed(rows[:-1])
+        if row["links"] * share <= last["links"] or row is rows[0]
     )
     ratio = math.log(last["links"] / first["links"])
     found = (
         f"{stage} {math.log(last[stage] / first[stage]) / ratio:.2f}"
-        for stage in STAGES
-        if first[stage] > 0 < last[stage]
+        for stage in (*STAGES, *SPEEDS)
+        if first.get(stage, 0) > 0 < last.get(stage, 0)
     )
     return f"from {first['links']} to {last['links']} links, n to the power of: " + ", ".join(found)
 
 
 def _drawn(found: dict[str, list[dict[str, Any]]]) -> str:
-    """Four charts, both axes logarithmic, two by two."""
+    """Four charts, both axes logarithmic, two by two: how long until a module is there, by stages;
+    its forward dynamics."""
     from hamel.draw import Series, chart
 
     def series(kind: str, name: str) -> Series:
@@ -177,13 +206,8 @@ def _drawn(found: dict[str, list[dict[str, Any]]]) -> str:
         )
 
     parts = []
-    for k, name in enumerate(("derive", "emit", "compile", "evaluate")):
+    for k, (name, title) in enumerate(CHARTS.items()):
         shown = [kind for kind in KINDS if any(name in row for row in found.get(kind, []))]
-        title = (
-            f"{name[0].upper()}{name[1:]}, processor seconds"
-            if name != "evaluate"
-            else "Evaluate forward dynamics, seconds"
-        )
         drawn = chart(title, "links", "s", [series(kind, name) for kind in shown])
         parts.append(drawn.replace("<svg ", f'<svg x="{k % 2 * WIDTH}" y="{k // 2 * HEIGHT}" ', 1))
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {2 * WIDTH} {2 * HEIGHT}" role="img">'
@@ -196,25 +220,35 @@ def measured(text: str, n: int) -> dict[str, Any]:
     from codegen.emit import emit
     from codegen.passes import program
     from derive.formulations import equations
-    from derive.model import load
+    from derive.robots.reading import load
     from derive.states import system
     from hamel.build.module import published
+    from hamel.build.options import affordable
+    from hamel.verify import quick_verification
 
     row: dict[str, Any] = {"links": n}
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_CACHE_HOME"] = folder
-        path = Path(folder, "chain.yaml")
+        path = Path(folder, "links.urdf" if text.startswith("<") else "links.yaml")
         path.write_text(text)
         start = time.perf_counter()
-        derived = _timed(row, "derive", lambda: equations(system(load(path), "all")))
-        made = _timed(row, "program", lambda: program(derived, FUNCTIONS))
+        model = _timed(row, "model", lambda: load(path))
+        mechanics = _timed(row, "mechanics", lambda: system(model, "all"))
+        derived = _timed(row, "formulation", lambda: equations(mechanics))
+        made = _timed(row, "passes", lambda: program(derived, FUNCTIONS))
         _timed(row, "emit", lambda: emit(made))
-        built = _timed(row, "compile", lambda: published(made, Path(folder, "chain")))
+        built = _timed(row, "compile", lambda: published(made, Path(folder, "links")))
         row["compile"] -= row["emit"]
-        module = _timed(row, "load", lambda: loader.load(built.folder))
+        module = loader.load(built.folder)
+        states = affordable(derived, 20)
+        checked = _timed(
+            row, "verify", lambda: quick_verification(model, derived, lambda: module, states)
+        )
+        if not checked.passed:
+            sys.exit(f"{n} links: the module is wrong")
         row["wall"] = time.perf_counter() - start
-        row["evaluate"] = _evaluation(module)
-    row["operations"] = sum(kernel.operations["total"] for kernel in made.kernels)
+        row |= dict(zip(SPEEDS, _evaluation(module, derived)))
+    row["operations"] = made.kernel("dynamics").operations["total"]
     row["MB"] = (
         max(
             resource.getrusage(who).ru_maxrss
@@ -237,68 +271,20 @@ def _processor() -> float:
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
-def _evaluation(module: Any) -> float:
-    """Least time of one forward dynamics, in seconds; the Python call (some 40 ns) included."""
+def _evaluation(module: Any, derived: Any) -> tuple[float, float]:
+    """Least time of one forward dynamics, alone and of many side by side, in seconds; the Python
+    call (some 40 ns) included."""
     import numpy as np
 
-    x, out = np.full(module.nx, 0.1), np.empty(module.nx)
-    least = math.inf
-    for _ in range(200):
-        start = time.perf_counter()
-        module.dynamics(0.0, x, out=out)
-        least = min(least, time.perf_counter() - start)
-    return least
+    from derive.states.sampling import states
 
-
-def kane(n: int) -> dict[str, Any]:
-    """Kane's equations of the same chain, formed by SymPy and not simplified."""
-    from sympy import symbols
-    from sympy.physics.mechanics import (
-        KanesMethod,
-        Point,
-        ReferenceFrame,
-        RigidBody,
-        dynamicsymbols,
-        inertia,
-    )
-
-    start = _processor()
-    q, w = dynamicsymbols(f"q:{n}"), dynamicsymbols(f"w:{n}")
-    g, t = symbols("g"), dynamicsymbols._t
-    ground, joint = ReferenceFrame("N"), Point("O")
-    joint.set_vel(ground, 0)
-    bodies, loads, frame = [], [], ground
-    for i in range(n):
-        turned = frame.orientnew(f"A{i}", "axis", [q[i], ground.z])
-        turned.set_ang_vel(frame, w[i] * ground.z)
-        centre, tip = joint.locatenew(f"C{i}", turned.x / 2), joint.locatenew(f"P{i}", turned.x)
-        centre.v2pt_theory(joint, ground, turned)
-        tip.v2pt_theory(joint, ground, turned)
-        bodies.append(
-            RigidBody(f"B{i}", centre, turned, 1.0, (inertia(turned, 0, 0, 0.08), centre))
-        )
-        loads.append((centre, -g * ground.y))
-        frame, joint = turned, tip
-    KanesMethod(ground, q, w, [a.diff(t) - b for a, b in zip(q, w)]).kanes_equations(bodies, loads)
-    return {"links": n, "derive": _processor() - start}
-
-
-def pinocchio(n: int) -> dict[str, Any]:
-    """Pinocchio's `aba` on the same chain."""
-    import numpy as np
-    import pinocchio as pin  # pyright: ignore[reportMissingImports]
-
-    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
-    for i in range(n):
-        parent = model.addJoint(parent, pin.JointModelRZ(), place, f"j{i}")
-        body = pin.Inertia(1.0, np.array([0.5, 0.0, 0.0]), np.diag([0.0, 0.08, 0.08]))
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-        place = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
-    data, x = model.createData(), np.full(n, 0.1)
-    return {
-        "links": n,
-        "evaluate": min(_elapsed(lambda: pin.aba(model, data, x, x, x)) for _ in range(200)),
-    }
+    s = states(derived.system, 1)
+    x = module.state(0.0, np.concatenate([s.q[0], s.v[0]]), s.u[0])
+    rows, u = np.tile(x, (ROWS, 1)), s.u[0]
+    out, many = np.empty(module.nx), np.empty((ROWS, module.nx))
+    alone = min(_elapsed(lambda: module.dynamics(0.0, x, u, out=out)) for _ in range(200))
+    side = min(_elapsed(lambda: module.dynamics(0.0, rows, u, out=many)) for _ in range(20))
+    return alone, side / ROWS
 
 
 def _elapsed(work: Callable[[], Any]) -> float:
@@ -307,17 +293,53 @@ def _elapsed(work: Callable[[], Any]) -> float:
     return time.perf_counter() - start
 
 
+def _kane(n: int) -> dict[str, Any]:
+    start = _processor()
+    long.kane(n)
+    return {"links": n, "formulation": _processor() - start}
+
+
+def _peer(
+    peer: Callable[[str], Callable[[], Any]], text: Callable[[int], str], steps: int = 1
+) -> Callable[[int], dict[str, Any]]:
+    """The least time of many calls; one does so many `steps`."""
+
+    def run(n: int) -> dict[str, Any]:
+        work = peer(text(n))
+        return {"links": n, "evaluate": min(_elapsed(work) for _ in range(100)) / steps}
+
+    return run
+
+
+MODELS = Path(__file__).resolve().parent.parent / "models"
 KINDS: dict[str, Callable[[int], dict[str, Any]]] = {
-    "chain": lambda n: measured(chain(n), n),
+    "planar": lambda n: measured(planar(n), n),
+    "oblique": lambda n: measured(oblique(n), n),
     "tree": lambda n: measured(tree(n), n),
-    "kane": kane,
-    "pinocchio": pinocchio,
+    "loops": lambda n: measured(loops(n), n),
+    "kane": _kane,
+    "pinocchio": _peer(long.pinocchio, oblique),
+    "pinocchio_tree": _peer(long.pinocchio, tree),
+    "mujoco": _peer(long.mujoco, oblique),
+    "exudyn": _peer(long.exudyn, oblique, long.STEPS),
 }
+PEERS = tuple(KINDS)[4:]
 LABELS = {
-    "chain": "hamel, chain",
-    "tree": "hamel, tree",
-    "kane": "KanesMethod",
-    "pinocchio": "Pinocchio aba",
+    "planar": "planar chain",
+    "oblique": "oblique chain",
+    "tree": "tree",
+    "loops": "four-bars in a row",
+    "kane": "KanesMethod, planar",
+    "pinocchio": "Pinocchio, oblique",
+    "pinocchio_tree": "Pinocchio, tree",
+    "mujoco": "MuJoCo, oblique",
+    "exudyn": "Exudyn, oblique",
+}
+CHARTS = {
+    "formulation": "System → equations, processor seconds",
+    "passes": "Equations → program, processor seconds",
+    "wall": "File → verified module, seconds",
+    "evaluate": "Forward dynamics of one state, seconds",
 }
 
 

@@ -16,7 +16,7 @@ from codegen.passes.initial import initial
 from codegen.passes.lanes import BATCHED
 from codegen.passes.lower import Lowered
 from codegen.passes.names import Names, identifier
-from codegen.passes.roll import AUTO, NEVER, refusal, rolled
+from codegen.passes.roll import AUTO, FROM, NEVER, refusal, rolled
 from codegen.passes.schedule import schedule
 from codegen.passes.selection import (
     chart_suffix,
@@ -109,13 +109,9 @@ def program(
     )
     rolling: list[tuple[str, str]] = []
     for source, function in emitted:
-        refused = refusal(function, roll, len(source.system.links))
-        if refused is not None:
-            kernel, entries = _kernel(source, function, turning)
-        else:
-            kernel, entries = _rolled(source, function, turning)
-        if refused != "":
-            rolling.append((function.name, f"unrolled: {refused}" if refused else _how(kernel)))
+        kernel, entries, how = _straight_or_rolled(source, function, turning, roll)
+        if how:
+            rolling.append((function.name, how))
         kernels.append(kernel)
         ledger += entries
     model = equations.system.model
@@ -257,6 +253,22 @@ def _kernel(
             Entry(function.name, "hoist", best.total, kernel.hoisted.rest.operations["total"])
         )
     return kernel, entries
+
+
+def _straight_or_rolled(
+    equations: Equations, function: Function, turning: _Turning, roll: str
+) -> tuple[Kernel, list[Entry], str]:
+    """The kernel, and how it was decided; nothing where loops were not thought of."""
+    links = len(equations.system.links)
+    refused = refusal(function, roll, links)
+    if refused is not None:
+        return *_kernel(equations, function, turning), f"unrolled: {refused}" if refused else ""
+    loops, entries = _rolled(equations, function, turning)
+    if roll == AUTO and links < FROM:
+        straight, its_entries = _kernel(equations, function, turning)
+        if loops.operations["total"] > straight.operations["total"]:
+            return straight, its_entries, ""
+    return loops, entries, _how(loops)
 
 
 def _rolled(

@@ -35,9 +35,10 @@ from derive.mechanics.loops import records
 from derive.mechanics.loops.records import Recursion
 
 AUTO, NEVER, ALWAYS = ("auto", "never", "always")
-# Links from which loops take less time than what they are unrolled to, scalar and in lanes
-# (measured: planar chains from 40, oblique ones from 16), and links for each kind, for a processor
-# cannot foresee which comes next (60 of 12 kinds take 16 % longer)
+# Links from which loops take less time than what they are unrolled to, scalar and in lanes; with
+# fewer they do where they have no more operations (measured: oblique chains from 8 links on). And
+# links for each kind, for a processor cannot foresee which comes next (60 of 12 kinds take 16 %
+# longer).
 FROM, PER_KIND = 40, 10
 
 
@@ -50,11 +51,12 @@ class Loops:
 
 
 def refusal(function: Function, roll: str, links: int) -> str | None:
-    """Why the function is not rolled; nothing where that was not wanted, None where it is to be.
+    """Why the function is not rolled; nothing where that was not wanted or links are few, None
+    where it is to be.
 
     Raises AssumptionError where it always should be.
     """
-    if roll == NEVER or function.recursion is None or (roll == AUTO and links < FROM):
+    if roll == NEVER or function.recursion is None or (roll == AUTO and links < PER_KIND):
         return ""
     try:
         kinds = len(function.recursion().kinds)
@@ -62,9 +64,10 @@ def refusal(function: Function, roll: str, links: int) -> str | None:
         why = error.diagnostics[0].message
         if roll == ALWAYS:
             raise AssumptionError(f"{function.name} cannot be rolled: {why}") from None
-        return why
+        return why if links >= FROM else ""
     if roll == AUTO and links < PER_KIND * kinds:
-        return f"{links} links of {kinds} kinds, too few of each to gain"
+        why = f"{links} links of {kinds} kinds, too few of each to gain"
+        return why if links >= FROM else ""
     return None
 
 

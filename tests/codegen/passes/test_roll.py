@@ -258,3 +258,14 @@ def test_a_wrong_entry_of_a_table_is_refused(
     with pytest.raises(VerificationError, match="module"):
         hamel.build(path, out=tmp_path / "other", **asked)
     assert not (tmp_path / "other").exists()
+
+
+def test_few_links_are_rolled_where_that_takes_no_more_operations(tmp_path: Path) -> None:
+    """Oblique chains of a dozen links; planar ones have fewer operations written out."""
+    for text, rolled in ((chain(12), True), (chain(8), False), (equal_links(12), False)):
+        equations = derived(tmp_path, text.replace("<dynamics", "<nothing"))
+        made, straight = program(equations, DYNAMICS), program(equations, DYNAMICS, roll="never")
+        assert (made.kernel("dynamics").rolled is not None) == rolled
+        assert bool(made.rolling) == rolled
+        least, before = (x.kernel("dynamics").operations["total"] for x in (made, straight))
+        assert least <= before

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import (
     BrokenExecutor,
@@ -80,6 +81,8 @@ class Processes(Executor):
     """
 
     def __init__(self, size: int) -> None:
+        # that a process is started anew once it holds much memory is loky's own affair
+        warnings.filterwarnings("ignore", category=UserWarning, module=r"loky\.process_executor")
         self.size = size
         self._places: list[ProcessPoolExecutor | None] = [None] * size
         self._load = [0] * size

@@ -38,6 +38,9 @@ def reduced(
     `found` holds q̇, ẇ, v̇; `lam` (nc × 1) is the force along each constraint row, zero or shared
     where rows repeat others. A v = c holds identically in these velocities, so only φ can drift.
     """
+    nothing = ca.SX(survey.system.v.numel(), 0)
+    Y = ca.vertcat(survey.independent_rows.A, reduction.B)
+    R = per_unit_of_c(survey, Y, survey.rank, reduction) if survey.rank else nothing
     motion = Motion(
         w=reduction.w,
         names=reduction.names,
@@ -55,17 +58,16 @@ def reduced(
         closing=survey.closing,
         projects_velocity=False,
         frame=reduction.frame,
-        minimal=_minimal(survey, reduction, found, lam),
+        minimal=_minimal(survey, reduction, found, lam, R),
     )
-    named = (*_matrices(survey, reduction), *motion.named[1:])
+    named = (*_matrices(survey, reduction, Y, R), *motion.named[1:])
     return _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)
 
 
-def _minimal(survey: Survey, reduction: Reduction, found: Explicit, lam: ca.SX) -> Minimal:
+def _minimal(
+    survey: Survey, reduction: Reduction, found: Explicit, lam: ca.SX, R: ca.SX
+) -> Minimal:
     rows = survey.independent_rows
-    Y = ca.vertcat(rows.A, reduction.B)
-    nothing = ca.SX(survey.system.v.numel(), 0)
-    R = per_unit_of_c(survey, Y, survey.rank, reduction) if survey.rank else nothing
     return Minimal(
         S=reduction.S,
         sigma=reduction.sigma,
@@ -176,7 +178,7 @@ def column(vector: Sequence[Scalar]) -> ca.SX:
     return ca.vertcat(*vector) if vector else ca.SX(0, 1)
 
 
-def _matrices(survey: Survey, reduction: Reduction) -> tuple[Named, ...]:
+def _matrices(survey: Survey, reduction: Reduction, Y: ca.SX, R: ca.SX) -> tuple[Named, ...]:
     """A, B, Y, S and R as matrices: W = Y⁻¹ = [R S] by the same pivots as λ."""
     A = survey.independent_rows.A
     shown = [
@@ -184,11 +186,10 @@ def _matrices(survey: Survey, reduction: Reduction) -> tuple[Named, ...]:
         Named("B", "speed rows, B v = w", reduction.B),
     ]
     if survey.rank:
-        Y = ca.vertcat(A, reduction.B)
         shown += [
             *combination(survey),
             Named("Y", "[A; B]", Y),
-            Named("R", "v = S w + R c", per_unit_of_c(survey, Y, survey.rank, reduction)),
+            Named("R", "v = S w + R c", R),
         ]
     shown.append(Named("S", "generalized velocities per quasi-velocity", reduction.S))
     return tuple(shown)

@@ -7,9 +7,9 @@ zero over sampled matrices.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from itertools import combinations, islice
 
 import casadi as ca
@@ -298,28 +298,37 @@ def best_block(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray) -> Bl
     three whose determinant does: so a rotation between two unknowns is inverted as a whole and not
     divided by its cosine.
     """
-    scale = np.max(np.abs(values), initial=0.0)
-    best = _best_single(values, pattern, fixed, scale)
-    if best is None:
+    sizes = np.abs(values)
+    over = np.min(sizes, axis=0), np.max(sizes, axis=0)
+    return _best_of_sizes(lambda: values, over, pattern, fixed)
+
+
+def _best_of_sizes(
+    values: Callable[[], np.ndarray],
+    over: tuple[np.ndarray, np.ndarray],
+    pattern: np.ndarray,
+    fixed: np.ndarray,
+) -> Block | None:
+    """The same, with the least and largest sizes `over` the samples, which single entries need."""
+    single = best = _best_single(*over, pattern, fixed)
+    if best is None or single is None:
         return None
-    single = best
     for size in (2, 3):
         if best.grade < 2 or best.quality >= SAFE:
             break
-        larger = _best_of_size(values, pattern, fixed, single, size)
+        larger = _best_of_size(values(), pattern, fixed, single, size)
         if larger is not None and (
-            larger.quality > BETTER * best.quality or _vanishes_alone(values, best, larger)
+            larger.quality > BETTER * best.quality or _vanishes_alone(values(), best, larger)
         ):
             best = larger
     return best
 
 
 def _best_single(
-    values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, scale: float
+    least: np.ndarray, largest: np.ndarray, pattern: np.ndarray, fixed: np.ndarray
 ) -> Block | None:
     """The best entry: not varying, then far from zero, then with little fill, then large."""
-    sizes = np.abs(values)
-    least, largest = np.min(sizes, axis=0), np.max(sizes, axis=0)
+    scale = np.max(largest, initial=0.0)
     usable = pattern & np.isfinite(largest) & (largest > VANISHES * scale)
     if not usable.any():
         return None
@@ -404,21 +413,28 @@ def pivot_order(samples: np.ndarray, structure: np.ndarray, constant: np.ndarray
     Greedy by `best_block`. Raises ZeroDivisionError where what is left is singular at every sample.
     """
     values, fixed, pattern = samples.copy(), constant & structure, structure.copy()
+    sizes = np.abs(values)
+    least, largest = np.min(sizes, axis=0), np.max(sizes, axis=0)
     rows, columns = list(range(values.shape[1])), list(range(values.shape[2]))
     chosen: list[Block] = []
     while rows:
-        inside = np.ix_(rows, columns)
-        block = best_block(
-            values[np.ix_(range(len(values)), rows, columns)], pattern[inside], fixed[inside]
+        inside, every = np.ix_(rows, columns), np.ix_(range(len(values)), rows, columns)
+        over = least[inside], largest[inside]
+        block = _best_of_sizes(
+            partial(values.__getitem__, every), over, pattern[inside], fixed[inside]
         )
         if block is None:
             raise ZeroDivisionError("the matrix is singular at every sampled state")
-        rest = values[np.ix_(range(len(values)), rows, columns)]
-        block = steady(rest, fixed[inside], block)
+        if len(columns) <= MOST_REFLECTED:
+            block = steady(values[every], fixed[inside], block)
         r, c = tuple(rows[i] for i in block.rows), tuple(columns[j] for j in block.columns)
         chosen.append(Block(r, c, block.least, block.largest, block.grade))
         rows, columns = [i for i in rows if i not in r], [j for j in columns if j not in c]
-        _eliminate(values, pattern, fixed, rows, columns, chosen[-1])
+        changed = _eliminate(values, pattern, fixed, rows, columns, chosen[-1])
+        if changed:
+            place = np.ix_(*changed)
+            sizes = np.abs(values[np.ix_(range(len(values)), *changed)])
+            least[place], largest[place] = np.min(sizes, axis=0), np.max(sizes, axis=0)
     return chosen
 
 
@@ -429,12 +445,13 @@ def _eliminate(
     rows: list[int],
     columns: list[int],
     block: Block,
-) -> None:
+) -> tuple[list[int], list[int]] | None:
+    """Rows and columns whose entries changed, if any did."""
     r, c = list(block.rows), list(block.columns)
     touched = [i for i in rows if pattern[i, c].any()]
     reached = [j for j in columns if pattern[r, j].any()]
     if not touched or not reached:
-        return
+        return None
     every = range(len(values))
     inverse = np.linalg.pinv(values[np.ix_(every, r, c)])
     change = values[np.ix_(every, touched, c)] @ inverse @ values[np.ix_(every, r, reached)]
@@ -445,3 +462,4 @@ def _eliminate(
             plain = fixed[i, c].all() and fixed[r, j].all() and (fixed[i, j] or not pattern[i, j])
             fixed[i, j] = bool(numbers and plain)
             pattern[i, j] = True
+    return touched, reached

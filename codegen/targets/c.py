@@ -12,7 +12,15 @@ from itertools import pairwise
 from typing import Any
 
 from codegen import text
-from codegen.passes.lanes import DYNAMICS, POWER, has_rates, has_slope, is_batched, side_by_side
+from codegen.passes.lanes import (
+    DYNAMICS,
+    POWER,
+    STEPPED,
+    has_rates,
+    has_slope,
+    is_batched,
+    side_by_side,
+)
 from codegen.passes.schedule import TURNS
 from codegen.passes.split import Copy, Part, names, split
 from codegen.program import BASE, PREVIOUS, Expression, Kernel, Program, Rolled, Section, Statement
@@ -24,6 +32,9 @@ FEW = 24  # values that are added up one by one to see that all are finite
 # registers do not hold them to the end
 MANY = 200
 FOUR = 4  # neighbouring results that are set to zero at once
+# statements up to which the parts of a function for several states side by side are joined again: a
+# compiler then keeps in registers what one part hands on to the next, and vectors are long
+JOINED = 2_000
 APART = 16  # places; results further from each other are looked at in two calls
 FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512bw", "avx512vl")
 
@@ -37,6 +48,17 @@ class Piece:
     ]  # loads, values from the workspace, statements, results, values into the workspace
     guards: tuple[tuple[str, str, str], ...]  # value, tolerance, name
     unused: tuple[str, ...]
+    ready: tuple[int, ...] = ()  # four results from here on are known after it, and leave the lanes
+
+
+@dataclass(frozen=True)
+class Given:
+    """How a long row of results leaves the lanes, four neighbours at a time: those from `fours` on
+    are turned over, the others are the same for all states, zeros (first, length) or constants."""
+
+    fours: tuple[int, ...]
+    zeros: tuple[tuple[int, int], ...]
+    constants: tuple[tuple[int, tuple[str, ...]], ...]
 
 
 @dataclass(frozen=True)
@@ -54,6 +76,8 @@ class Body:
     constants: int = 0  # length of c, where it takes precomputed constants
     rolled: Text | None = None  # loops in the place of pieces
     finite: tuple[tuple[str, str, int], ...] = ()  # arrays that are looked at: name, array, length
+    given: Given | None = None  # results that are looked at when they leave the lanes
+    joined: bool = False  # are its pieces put together again?
 
 
 @dataclass(frozen=True)
@@ -202,9 +226,15 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
     if kernel.rolled:
         return _loops(program, kernel, kernel.rolled, style)
     parts = split(kernel)
+    given = _given(kernel) if style is _MANY else None
+    if given:
+        _leave_out(parts.parts, given)
     many = len(parts.parts) > 1 or kernel.size >= MANY
     lines = _near if many and style is _ONE else _far
     pieces = tuple(_piece(program, kernel, part, style, lines) for part in parts.parts)
+    if given:
+        ready = _ready(parts.parts, given)
+        pieces = tuple(replace(piece, ready=fours) for piece, fours in zip(pieces, ready))
     return Body(
         kernel=kernel,
         size=kernel.size,
@@ -219,7 +249,44 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
             for s in section.statements
         ),
         zeros=any("_zeros(" in line for piece in pieces for line in piece.lines),
+        given=given,
+        joined=sum(len(section.statements) for section in kernel.sections) <= JOINED,
     )
+
+
+def _given(kernel: Kernel) -> Given | None:
+    """Of functions that nothing but a batch calls."""
+    if kernel.size < MANY or kernel.name in (DYNAMICS, *STEPPED) or kernel.loop or kernel.solving:
+        return None
+    last = kernel.size - FOUR
+    places = [min(first, last) for first in range(0, kernel.size, FOUR)]
+    blocks = {first: kernel.outputs[first : first + FOUR] for first in places}
+    vary = [first for first, block in blocks.items() if not all(map(_is_number, block))]
+    same = {first: block for first, block in blocks.items() if first not in vary}
+    zeros = [first for first, block in same.items() if not any(block)]
+    return Given(
+        tuple(vary),
+        tuple((first, n - 1 + FOUR) for first, n in _stretches(zeros, FOUR)),
+        tuple((i, tuple(map(text.number, same[i]))) for i in same if i not in zeros),
+    )
+
+
+def _is_number(value: Expression) -> bool:
+    return not isinstance(value, (str, tuple))
+
+
+def _leave_out(parts: Sequence[Part], given: Given) -> None:
+    """What is the same for all states is not written in lanes."""
+    turned = {first + k for first in given.fours for k in range(FOUR)}
+    for part in parts:
+        part.outputs = [(i, value) for i, value in part.outputs if i in turned]
+
+
+def _ready(parts: Sequence[Part], given: Given) -> list[tuple[int, ...]]:
+    """Which four results are known after each part and were not before."""
+    home = {i: k for k, part in enumerate(parts) for i, _ in part.outputs}
+    last = {first: max(home[first + k] for k in range(FOUR)) for first in given.fours}
+    return [tuple(i for i in given.fours if last[i] == k) for k in range(len(parts))]
 
 
 def _piece(
@@ -458,7 +525,8 @@ def _stray(program: Program, kernel: Kernel, style: _Style) -> str:
         given = [f"{program.name}_stray({a}, {sizes[a]})" for a in kernel.uses if a != "t"]
         return _added([*given, "0.0 * t", "solved"])
     watched = ["t" if name == "t" else style.entry.format(name, i) for name, i in kernel.watched]
-    results = [style.entry.format("out", i) for i in kernel.results]
+    looked_at = () if style is _MANY and _given(kernel) else kernel.results
+    results = [style.entry.format("out", i) for i in looked_at]
     if len(watched) + len(results) <= FEW or style is _MANY:
         return _added([f"0.0 * {value}" for value in (*watched, *results)])
     sizes = {argument.name: len(argument.names) for argument in program.arguments} | {

@@ -23,7 +23,17 @@ from codegen.passes.lanes import (
 )
 from codegen.passes.schedule import TURNS
 from codegen.passes.split import Copy, Part, names, split
-from codegen.program import BASE, PREVIOUS, Expression, Kernel, Program, Rolled, Section, Statement
+from codegen.program import (
+    BASE,
+    PREVIOUS,
+    Expression,
+    Kernel,
+    Program,
+    Rolled,
+    Section,
+    Solving,
+    Statement,
+)
 from codegen.targets.records import Target
 from codegen.targets.rolled import Text, c_text
 
@@ -35,6 +45,9 @@ FOUR = 4  # neighbouring results that are set to zero at once
 # statements up to which the parts of a function for several states side by side are joined again: a
 # compiler then keeps in registers what one part hands on to the next, and vectors are long
 JOINED = 2_000
+# vectors of up to EIGHT columns that are solved for side by side: a multiplication and addition
+# takes as long as four of them, and any that is late is made up for by one more
+ABREAST, EIGHT = (12, 11, 10, 9, 8, 7, 6, 5, 4), 8
 APART = 16  # places; results further from each other are looked at in two calls
 FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512bw", "avx512vl")
 
@@ -62,6 +75,17 @@ class Given:
 
 
 @dataclass(frozen=True)
+class Columns:
+    """Right-hand sides in a place of their own, `wide` numbers a row, so many vectors `abreast` at a
+    time: (place there, first, last) of each range of columns, and the ranges that are left."""
+
+    abreast: int
+    wide: int
+    ranges: Sequence[tuple[int, int, int]]
+    left: Sequence[tuple[int, int]]
+
+
+@dataclass(frozen=True)
 class Body:
     """A kernel as one piece, or as several over a workspace."""
 
@@ -78,6 +102,7 @@ class Body:
     finite: tuple[tuple[str, str, int], ...] = ()  # arrays that are looked at: name, array, length
     given: Given | None = None  # results that are looked at when they leave the lanes
     joined: bool = False  # are its pieces put together again?
+    columns: Columns | None = None  # what is solved for after its pieces
 
 
 @dataclass(frozen=True)
@@ -250,6 +275,7 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
         ),
         zeros=any("_zeros(" in line for piece in pieces for line in piece.lines),
         given=given,
+        columns=_columns(kernel.solving) if kernel.solving else None,
         joined=sum(len(section.statements) for section in kernel.sections) <= JOINED,
     )
 
@@ -295,12 +321,13 @@ def _piece(
     uses = {load.argument for load in part.loads}
     if part.taken or part.kept or any(i >= kernel.size for i, _ in part.outputs):
         uses.add("work")
-    if any(i < len(kernel.outputs) and _stands(kernel, value) for i, value in part.outputs):
-        uses.add("out")
+    written = [i for i, value in part.outputs if i < kernel.size and _stands(kernel, value)]
+    uses |= {"out" if _beside(kernel, i) is None else "side" for i in written}
     uses |= {name for copy in part.copies for name in ("out", copy.argument)}
     if part.residual is not None:
         uses.add("residual")
     given = (*"txupc", "work", "out", *(["residual"] if kernel.loop else []))
+    given = (*given, *(["side"] if kernel.solving else []))
     return Piece(
         lines=tuple(lines(program, kernel, part, style)),
         guards=tuple(
@@ -505,8 +532,35 @@ def _output(kernel: Kernel, i: int, style: _Style) -> str:
         place = style.entry.format("work", i - kernel.size)
         return f"{place} = {_value(kernel.computed[i], style)};"
     note = text.comment(_note(kernel, i))
-    return f"{style.entry.format('out', i)} = {_value(kernel.outputs[i], style)};" + (
-        f" /* {note} */" if note else ""
+    beside = _beside(kernel, i)
+    place = style.entry.format(*(("out", i) if beside is None else ("side", beside)))
+    return f"{place} = {_value(kernel.outputs[i], style)};" + (f" /* {note} */" if note else "")
+
+
+def _beside(kernel: Kernel, i: int) -> int | None:
+    """Where an entry of a right-hand side stands while it is solved for."""
+    of = kernel.solving
+    if of is None or i < of.first * of.size:
+        return None
+    row, column = divmod(i - of.first * of.size, of.size)
+    columns = _columns(of)
+    for place, begin, end in columns.ranges:
+        if begin <= column < end:
+            return row * columns.wide + place + column - begin
+    return None
+
+
+def _columns(of: Solving) -> Columns:
+    """In whole groups, as many abreast as leave the fewest places empty."""
+    lengths = [end - begin for begin, end in of.ranges]
+    edges = [0, *(edge for pair in of.ranges for edge in pair), of.size]
+    groups = {k: -(-sum(lengths) // (k * EIGHT)) for k in ABREAST}
+    abreast = min(ABREAST, key=lambda k: k * groups[k])
+    return Columns(
+        abreast,
+        abreast * groups[abreast] * EIGHT,
+        [(sum(lengths[:k]), *of.ranges[k]) for k in range(len(lengths))],
+        [(a, b) for a, b in zip(edges[::2], edges[1::2]) if a < b],
     )
 
 

@@ -76,8 +76,8 @@ class Given:
 
 @dataclass(frozen=True)
 class Columns:
-    """Right-hand sides in a place of their own, `wide` numbers a row, so many vectors `abreast` at a
-    time: (place there, first, last) of each range of columns, and the ranges that are left."""
+    """Right-hand sides in a place of their own, `wide` numbers a row, so many vectors `abreast`:
+    (place there, first, last) of each range of columns, and the ranges that are left."""
 
     abreast: int
     wide: int

@@ -192,7 +192,7 @@ def test_many_states_are_as_one_by_one(slopes: ModuleType, rows: int):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e200])
-@pytest.mark.parametrize("entry", [0, LONGER - 1, 2 * LONGER - 1])
+@pytest.mark.parametrize("entry", [0, LONGER, 2 * LONGER - 1])
 def test_a_state_among_many_that_is_no_number_stands_alone(
     slopes: ModuleType, entry: int, value: float
 ):
@@ -207,7 +207,7 @@ def test_a_state_among_many_that_is_no_number_stands_alone(
     with warnings.catch_warnings(record=True):
         warnings.simplefilter("always")
         found = slopes.derivatives(0.0, x)
-    assert np.isfinite(found[10]).all() == alone
+    assert np.isfinite(found[10]).all() if alone else np.isnan(found[10]).all()
     assert np.array_equal(np.delete(found, 10, 0), np.delete(good, 10, 0))
 
 

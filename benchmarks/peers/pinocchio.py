@@ -132,9 +132,7 @@ def regressor(tree: Path, inputs: np.ndarray, size: int, read: Read) -> Contende
     return Contender("Pinocchio C++", library, inputs, size, str(tree.resolve()), read)
 
 
-def generated_derivatives(
-    tree: Path, inputs: np.ndarray, nv: int, read: Read
-) -> list[Contender]:
+def generated_derivatives(tree: Path, inputs: np.ndarray, nv: int, read: Read) -> list[Contender]:
     """v̇, ∂v̇/∂q, ∂v̇/∂v and ∂v̇/∂u: CasADi's Jacobians of `aba` on casadi::SX, of joints with one
     velocity."""
     shapes = [(nv, 1), (nv, nv), (nv, nv), (nv, nv)]

@@ -287,18 +287,26 @@ def _given(kernel: Kernel) -> Given | None:
     last = kernel.size - FOUR
     places = [min(first, last) for first in range(0, kernel.size, FOUR)]
     blocks = {first: kernel.outputs[first : first + FOUR] for first in places}
-    vary = [first for first, block in blocks.items() if not all(map(_is_number, block))]
-    same = {first: block for first, block in blocks.items() if first not in vary}
+    same = {first: block for first in places if (block := _numbers(blocks[first])) is not None}
     zeros = [first for first, block in same.items() if not any(block)]
     return Given(
-        tuple(vary),
-        tuple((first, n - 1 + FOUR) for first, n in _stretches(zeros, FOUR)),
+        tuple(first for first in places if first not in same),
+        tuple(_fours(zeros)),
         tuple((i, tuple(map(text.number, same[i]))) for i in same if i not in zeros),
     )
 
 
-def _is_number(value: Expression) -> bool:
-    return not isinstance(value, (str, tuple))
+def _fours(places: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Stretches of four after four; the last four of a row may begin within those before."""
+    whole = [first for first in places if first % FOUR == 0]
+    yield from ((first, n - 1 + FOUR) for first, n in _stretches(whole, FOUR))
+    yield from ((first, FOUR) for first in places if first % FOUR)
+
+
+def _numbers(values: Sequence[Expression]) -> Sequence[float] | None:
+    """The values, where all of them are numbers."""
+    found = [value for value in values if not isinstance(value, (str, tuple))]
+    return found if len(found) == len(values) else None
 
 
 def _leave_out(parts: Sequence[Part], given: Given) -> None:

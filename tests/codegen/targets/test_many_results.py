@@ -169,11 +169,25 @@ def test_what_differs_between_states_leaves_the_lanes_by_fours_and_nothing_else(
     assert len(places) < 0.75 * kernel.size
 
 
-def test_the_last_results_are_handed_on_where_their_number_is_no_multiple_of_four():
+@pytest.mark.parametrize("less", [0, 1, 3])
+@pytest.mark.parametrize("ends", [0.0, 1.0, "z1"])
+def test_all_results_are_written_and_nothing_beyond_them(less: int, ends: float | str):
+    """Where their number is no multiple of four, the last four begin within those before."""
     kernel = with_slopes().kernel("derivatives")
-    odd = replace(kernel, outputs=kernel.outputs[: kernel.size - 3], shape=(kernel.size - 3,))
-    given = _given(odd)
-    assert given is not None and odd.size % FOUR and max(given.fours) == odd.size - FOUR
+    outputs = (*kernel.outputs[: 208 - less - 6], *[ends] * 6)
+    given = _given(replace(kernel, outputs=outputs, shape=(len(outputs),)))
+    assert given is not None
+    cleared = [
+        i + k
+        for first, n in given.zeros
+        for i in range(first, first + n, FOUR)
+        for k in range(FOUR)
+    ]
+    set_once = {first + k: x for first, values in given.constants for k, x in enumerate(values)}
+    handed = {first + k for first in given.fours for k in range(FOUR)}
+    assert {*cleared, *set_once, *handed} == set(range(len(outputs)))
+    assert all(outputs[i] == 0.0 for i in cleared)
+    assert all(float(x) == outputs[i] for i, x in set_once.items())
 
 
 @pytest.mark.parametrize("rows", [1, 7, 8, 37])
@@ -186,7 +200,7 @@ def test_many_states_are_as_one_by_one(slopes: ModuleType, rows: int):
         [not isinstance(v, (str, tuple)) for v in with_slopes().kernel("derivatives").outputs]
     )
     flat = [rows.reshape(rows.shape[0], -1)[:, fixed] for rows in (found, alone)]
-    assert np.array_equal(*flat) and np.array_equal(
+    assert np.array_equal(flat[0], flat[1]) and np.array_equal(
         flat[0], np.broadcast_to(flat[0][0], flat[0].shape)
     )
 

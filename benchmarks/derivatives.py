@@ -30,6 +30,11 @@ class Slopes:
         size = nv + 3 * nv * nv
         return [pinocchio.derivatives(self.text, self.inputs, size, self._read_theirs)]
 
+    def through_casadi(self) -> list[Contender]:
+        """CasADi's Jacobians of Pinocchio's own recursion, as C; of joints with one velocity."""
+        nv = len(self.columns)
+        return pinocchio.generated_derivatives(self.text, self.inputs, nv, self._read_casadi)
+
     def contraction(self) -> list[Contender]:
         """At random y and (dx, du)."""
         x = self.of.x
@@ -59,6 +64,11 @@ class Slopes:
         by_q, by_v, upper = (matrices[:, k].swapaxes(1, 2) for k in range(3))
         inverse = np.triu(upper) + np.triu(upper, 1).swapaxes(1, 2)
         return _flat(vdot, by_q, by_v, inverse[:, :, self._driven()])
+
+    def _read_casadi(self, rows: np.ndarray) -> np.ndarray:
+        nv = len(self.columns)
+        by_q, by_v, inverse = rows[:, nv:].reshape(len(rows), 3, nv, nv).swapaxes(0, 1)
+        return _flat(rows[:, :nv], by_q, by_v, inverse[:, :, self._driven()])
 
     def _driven(self) -> list[int]:
         """Where inputs act, in Pinocchio's order."""

@@ -88,7 +88,9 @@ def _robot(parents: Any, kind: Callable[[random.Random], str]) -> str:
 
     parts = ['<robot name="links"><link name="base"/>']
     for i, above in enumerate(parents):
-        inertia = " ".join(f'{name}="{draw.uniform(0.01, 0.02)}"' for name in ("ixx", "iyy", "izz"))
+        inertia = " ".join(
+            f'{name}="{draw.uniform(0.013, 0.02)}"' for name in ("ixx", "iyy", "izz")
+        )
         parts.append(
             f'<link name="l{i}"><inertial><origin xyz="{numbers(0.1)}"/><mass value="{draw.uniform(0.5, 2)}"/>'
             f'<inertia {inertia} ixy="0.001" ixz="-0.0005" iyz="0.0002"/></inertial></link>'

@@ -360,8 +360,10 @@ def _slopes(tree: Tree) -> Iterator[Scene]:
     slopes = Slopes(tree.of, tree.text, tree.columns, tree.inputs)
     counts = ours.operations(tree.of, DERIVATIVES)
     peers: dict[str, Made] = {PINOCCHIO: slopes.theirs}
-    yield Scene(DERIVATIVES, tree.name, slopes.own, peers, counts)
-    if tree.name == "panda":
+    single = tree.name == "panda"  # joints with one velocity
+    through = {THROUGH_CASADI: slopes.through_casadi} if single else {}
+    yield Scene(DERIVATIVES, tree.name, slopes.own, peers | through, counts)
+    if single:
         yield Scene(DERIVATIVES_BATCH, tree.name, lambda: slopes.own(True), peers, counts)
     second = ours.operations(tree.of, CONTRACTION)
     beside: dict[str, Made] = {DERIVATIVES: slopes.beside}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from peers.peak import vector_lanes
+
 
 @dataclass(frozen=True)
 class Target:
@@ -53,7 +55,9 @@ TARGETS = (
     Target(FRAMES, "panda", PINOCCHIO, 0.2),
     Target(REGRESSOR, "panda", PINOCCHIO, 0.2),
     Target(DERIVATIVES, "panda", PINOCCHIO, 0.14),
-    Target(DERIVATIVES_BATCH, "panda", PINOCCHIO, 0.05),
+    Target(DERIVATIVES, "panda", THROUGH_CASADI, 0.5),
+    # states side by side: four of them, or eight
+    Target(DERIVATIVES_BATCH, "panda", PINOCCHIO, 0.2 / vector_lanes()),
     Target(DERIVATIVES, "humanoid", PINOCCHIO, 0.3),
     Target(CONTRACTION, "panda", DERIVATIVES, 2.0),
     Target(CONTRACTION, "humanoid", DERIVATIVES, 2.0),

@@ -14,7 +14,7 @@ import numpy as np
 
 from derive.model.records import Model
 from hamel.verify.reference.outcome import reference, state_of
-from peers.casadi_c import Read, of_source
+from peers.casadi_c import Read, of_matrices, of_source
 from peers.contest import BUILD, HERE, NATIVE, Contender, Unavailable, compiled, run
 
 _writing = threading.Lock()
@@ -130,6 +130,17 @@ def regressor(tree: Path, inputs: np.ndarray, size: int, read: Read) -> Contende
         "pinocchio_regressor", {HERE / "pinocchio_regressor.cpp": ["-O3", *NATIVE, *FLAGS]}
     )
     return Contender("Pinocchio C++", library, inputs, size, str(tree.resolve()), read)
+
+
+def generated_derivatives(tree: Path, inputs: np.ndarray, nv: int, read: Read) -> list[Contender]:
+    """v̇, ∂v̇/∂q, ∂v̇/∂v and ∂v̇/∂u: CasADi's Jacobians of `aba` on casadi::SX, of joints with one
+    velocity."""
+    shapes = [(nv, 1), (nv, nv), (nv, nv), (nv, nv)]
+    return [
+        contender
+        for source in slopes(tree)
+        for contender in of_matrices("Pinocchio→CasADi→C", source, inputs, shapes, read)
+    ]
 
 
 def loops_library() -> Path:

@@ -15,6 +15,7 @@ from codegen import text
 from codegen.passes.lanes import (
     DYNAMICS,
     POWER,
+    STEPPED,
     has_rates,
     has_slope,
     is_batched,
@@ -23,7 +24,17 @@ from codegen.passes.lanes import (
 )
 from codegen.passes.schedule import TURNS
 from codegen.passes.split import Copy, Part, names, split
-from codegen.program import BASE, PREVIOUS, Expression, Kernel, Program, Rolled, Section, Statement
+from codegen.program import (
+    BASE,
+    PREVIOUS,
+    Expression,
+    Kernel,
+    Program,
+    Rolled,
+    Section,
+    Solving,
+    Statement,
+)
 from codegen.targets.records import Target
 from codegen.targets.rolled import Text, c_text
 
@@ -32,6 +43,12 @@ FEW = 24  # values that are added up one by one to see that all are finite
 # registers do not hold them to the end
 MANY = 200
 FOUR = 4  # neighbouring results that are set to zero at once
+# statements up to which the parts of a function for several states side by side are joined again: a
+# compiler then keeps in registers what one part hands on to the next, and vectors are long
+JOINED = 2_000
+# vectors of up to EIGHT columns that are solved for side by side: a multiplication and addition
+# takes as long as four of them, and any that is late is made up for by one more
+ABREAST, EIGHT = (12, 11, 10, 9, 8, 7, 6, 5, 4), 8
 APART = 16  # places; results further from each other are looked at in two calls
 FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512bw", "avx512vl")
 
@@ -45,6 +62,28 @@ class Piece:
     ]  # loads, values from the workspace, statements, results, values into the workspace
     guards: tuple[tuple[str, str, str], ...]  # value, tolerance, name
     unused: tuple[str, ...]
+    ready: tuple[int, ...] = ()  # four results from here on are known after it, and leave the lanes
+
+
+@dataclass(frozen=True)
+class Given:
+    """How a long row of results leaves the lanes, four neighbours at a time: those from `fours` on
+    are turned over, the others are the same for all states, zeros (first, length) or constants."""
+
+    fours: tuple[int, ...]
+    zeros: tuple[tuple[int, int], ...]
+    constants: tuple[tuple[int, tuple[str, ...]], ...]
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Right-hand sides in a place of their own, `wide` numbers a row, so many vectors `abreast`:
+    (place there, first, last) of each range of columns, and the ranges that are left."""
+
+    abreast: int
+    wide: int
+    ranges: Sequence[tuple[int, int, int]]
+    left: Sequence[tuple[int, int]]
 
 
 @dataclass(frozen=True)
@@ -62,6 +101,9 @@ class Body:
     constants: int = 0  # length of c, where it takes precomputed constants
     rolled: Text | None = None  # loops in the place of pieces
     finite: tuple[tuple[str, str, int], ...] = ()  # arrays that are looked at: name, array, length
+    given: Given | None = None  # results that are looked at when they leave the lanes
+    joined: bool = False  # are its pieces put together again?
+    columns: Columns | None = None  # what is solved for after its pieces
 
 
 @dataclass(frozen=True)
@@ -211,9 +253,15 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
     if kernel.rolled:
         return _loops(program, kernel, kernel.rolled, style)
     parts = split(kernel)
+    given = _given(kernel) if style is _MANY else None
+    if given:
+        _leave_out(parts.parts, given)
     many = len(parts.parts) > 1 or kernel.size >= MANY
     lines = _near if many and style is _ONE else _far
     pieces = tuple(_piece(program, kernel, part, style, lines) for part in parts.parts)
+    if given:
+        ready = _ready(parts.parts, given)
+        pieces = tuple(replace(piece, ready=fours) for piece, fours in zip(pieces, ready))
     return Body(
         kernel=kernel,
         size=kernel.size,
@@ -228,7 +276,53 @@ def _body(program: Program, kernel: Kernel, style: _Style) -> Body:
             for s in section.statements
         ),
         zeros=any("_zeros(" in line for piece in pieces for line in piece.lines),
+        given=given,
+        columns=_columns(kernel.solving) if kernel.solving else None,
+        joined=sum(len(section.statements) for section in kernel.sections) <= JOINED,
     )
+
+
+def _given(kernel: Kernel) -> Given | None:
+    """Of functions that nothing but a batch calls."""
+    if kernel.size < MANY or kernel.name in (DYNAMICS, *STEPPED) or kernel.loop or kernel.solving:
+        return None
+    last = kernel.size - FOUR
+    places = [min(first, last) for first in range(0, kernel.size, FOUR)]
+    blocks = {first: kernel.outputs[first : first + FOUR] for first in places}
+    same = {first: block for first in places if (block := _numbers(blocks[first])) is not None}
+    zeros = [first for first, block in same.items() if not any(block)]
+    return Given(
+        tuple(first for first in places if first not in same),
+        tuple(_fours(zeros)),
+        tuple((i, tuple(map(text.number, same[i]))) for i in same if i not in zeros),
+    )
+
+
+def _fours(places: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Stretches of four after four; the last four of a row may begin within those before."""
+    whole = [first for first in places if first % FOUR == 0]
+    yield from ((first, n - 1 + FOUR) for first, n in _stretches(whole, FOUR))
+    yield from ((first, FOUR) for first in places if first % FOUR)
+
+
+def _numbers(values: Sequence[Expression]) -> Sequence[float] | None:
+    """The values, where all of them are numbers."""
+    found = [value for value in values if not isinstance(value, (str, tuple))]
+    return found if len(found) == len(values) else None
+
+
+def _leave_out(parts: Sequence[Part], given: Given) -> None:
+    """What is the same for all states is not written in lanes."""
+    turned = {first + k for first in given.fours for k in range(FOUR)}
+    for part in parts:
+        part.outputs = [(i, value) for i, value in part.outputs if i in turned]
+
+
+def _ready(parts: Sequence[Part], given: Given) -> list[tuple[int, ...]]:
+    """Which four results are known after each part and were not before."""
+    home = {i: k for k, part in enumerate(parts) for i, _ in part.outputs}
+    last = {first: max(home[first + k] for k in range(FOUR)) for first in given.fours}
+    return [tuple(i for i in given.fours if last[i] == k) for k in range(len(parts))]
 
 
 def _piece(
@@ -237,12 +331,13 @@ def _piece(
     uses = {load.argument for load in part.loads}
     if part.taken or part.kept or any(i >= kernel.size for i, _ in part.outputs):
         uses.add("work")
-    if any(i < len(kernel.outputs) and _stands(kernel, value) for i, value in part.outputs):
-        uses.add("out")
+    written = [i for i, value in part.outputs if i < kernel.size and _stands(kernel, value)]
+    uses |= {"out" if _beside(kernel, i) is None else "side" for i in written}
     uses |= {name for copy in part.copies for name in ("out", copy.argument)}
     if part.residual is not None:
         uses.add("residual")
     given = (*"txupc", "work", "out", *(["residual"] if kernel.loop else []))
+    given = (*given, *(["side"] if kernel.solving else []))
     return Piece(
         lines=tuple(lines(program, kernel, part, style)),
         guards=tuple(
@@ -447,8 +542,35 @@ def _output(kernel: Kernel, i: int, style: _Style) -> str:
         place = style.entry.format("work", i - kernel.size)
         return f"{place} = {_value(kernel.computed[i], style)};"
     note = text.comment(_note(kernel, i))
-    return f"{style.entry.format('out', i)} = {_value(kernel.outputs[i], style)};" + (
-        f" /* {note} */" if note else ""
+    beside = _beside(kernel, i)
+    place = style.entry.format(*(("out", i) if beside is None else ("side", beside)))
+    return f"{place} = {_value(kernel.outputs[i], style)};" + (f" /* {note} */" if note else "")
+
+
+def _beside(kernel: Kernel, i: int) -> int | None:
+    """Where an entry of a right-hand side stands while it is solved for."""
+    of = kernel.solving
+    if of is None or i < of.first * of.size:
+        return None
+    row, column = divmod(i - of.first * of.size, of.size)
+    columns = _columns(of)
+    for place, begin, end in columns.ranges:
+        if begin <= column < end:
+            return row * columns.wide + place + column - begin
+    return None
+
+
+def _columns(of: Solving) -> Columns:
+    """In whole groups, as many abreast as leave the fewest places empty."""
+    lengths = [end - begin for begin, end in of.ranges]
+    edges = [0, *(edge for pair in of.ranges for edge in pair), of.size]
+    groups = {k: -(-sum(lengths) // (k * EIGHT)) for k in ABREAST}
+    abreast = min(ABREAST, key=lambda k: k * groups[k])
+    return Columns(
+        abreast,
+        abreast * groups[abreast] * EIGHT,
+        [(sum(lengths[:k]), *of.ranges[k]) for k in range(len(lengths))],
+        [(a, b) for a, b in zip(edges[::2], edges[1::2]) if a < b],
     )
 
 
@@ -467,7 +589,8 @@ def _stray(program: Program, kernel: Kernel, style: _Style) -> str:
         given = [f"{program.name}_stray({a}, {sizes[a]})" for a in kernel.uses if a != "t"]
         return _added([*given, "0.0 * t", "solved"])
     watched = ["t" if name == "t" else style.entry.format(name, i) for name, i in kernel.watched]
-    results = [style.entry.format("out", i) for i in kernel.results]
+    looked_at = () if style is _MANY and _given(kernel) else kernel.results
+    results = [style.entry.format("out", i) for i in looked_at]
     if len(watched) + len(results) <= FEW or style is _MANY:
         return _added([f"0.0 * {value}" for value in (*watched, *results)])
     sizes = {argument.name: len(argument.names) for argument in program.arguments} | {

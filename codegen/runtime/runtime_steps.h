@@ -29,6 +29,7 @@ typedef struct {
 #if HAS_LANES
     /* row n with slopes k of several motions side by side, into z */
     void (*sums)(int n, const double *k, const double *h, const double *y, double *z);
+    int late; /* the last slope counts in no error, and the one before is at the end, too: it can wait for the projection */
 #endif
 } Tableau;
 

@@ -26,7 +26,15 @@ from codegen.integrators import (
     Taylor,
 )
 from codegen.integrators.records import centred, collocated
-from codegen.passes.lanes import WATCHED, does_work, has_rates, has_slope, side_by_side
+from codegen.passes.lanes import (
+    WATCHED,
+    does_work,
+    has_looked,
+    has_pairs,
+    has_rates,
+    has_slope,
+    side_by_side,
+)
 from codegen.passes.taylor import HIGHEST, faster_from, in_pieces, series_in_lanes
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
@@ -280,6 +288,8 @@ def _flags(
         "HAS_CHOICES": int(bool(program.charts)),
         "HAS_LANES": int(bool(side_by_side(program))),
         "HAS_LANES_RATES": int(has_rates(program)),
+        "HAS_LANES_LOOKED": int(has_looked(program)),
+        "HAS_LANES_PAIRS": int(has_pairs(program)),
         "HAS_LANES_SLOPE": int(has_slope(program)),
         "HAS_LANES_EVENTS": int(any(k.name == WATCHED for k in side_by_side(program))),
         "HAS_LANES_TAYLOR": int(bool(_highest(chosen)) and series_in_lanes(program)),
@@ -528,8 +538,13 @@ def _tableau(method: Tableau, lanes: bool) -> list[str]:
         f"static const double {name}_weight[] = {_listed(weights)};",
         f"static const Tableau {name} = {{{stages}, {len(method.errors)}, {weighted}ul, "
         f"{name}_c, {name}_row, {name}_at, {name}_weight, {len(dense.c)}, {len(dense.powers)}"
-        f"{f', {name}_sums' if lanes else ''}}};",
+        f"{f', {name}_sums, {int(_is_late(method))}' if lanes else ''}}};",
     ]
+
+
+def _is_late(method: Tableau) -> bool:
+    """Whether the last slope counts in no error, and the one before it is at the end, too."""
+    return method.c[-2] == 1 and not any(row[-1] for row in method.errors)
 
 
 def _listed(values: Iterable[object]) -> str:

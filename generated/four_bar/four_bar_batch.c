@@ -115,7 +115,7 @@ INLINE double four_bar_sincos(double x, double *restrict sin_x, double *restrict
 }
 
 /* The same with fewer operations, for steps of motions: r alone is what is left of x. Errors are below 2.3e-16 for |x| <= 1e5. */
-INLINE double four_bar_sincos_short(double x, double *restrict sin_x, double *restrict cos_x)
+INLINE void four_bar_sincos_short(double x, double *restrict sin_x, double *restrict cos_x)
 {
     const double round = 0x1.8p52;
     const double near = x * 0x1.45f306dc9c883p-1 + round, k = near - round;
@@ -134,7 +134,6 @@ INLINE double four_bar_sincos_short(double x, double *restrict sin_x, double *re
     two ^= swap ^ (((n + 1) & 2) << 62);
     memcpy(sin_x, &one, sizeof one);
     memcpy(cos_x, &two, sizeof two);
-    return fabs(x) <= 1e5 ? 0.0 : 1.0;
 }
 
 void four_bar_constraints_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict p,
@@ -154,17 +153,18 @@ void four_bar_constraints_lanes(const double *restrict t_, const double *restric
 
         /* angles: their sines and cosines, all together */
         double sin_q3, cos_q3;
-        bad += four_bar_sincos(q3, &sin_q3, &cos_q3);
+        four_bar_sincos_short(q3, &sin_q3, &cos_q3);
+        bad += fabs(q3) <= 1e5 ? 0.0 : 1.0;
         double sin_q1, cos_q1;
-        bad += four_bar_sincos(q1, &sin_q1, &cos_q1);
-        const double z1 = q1 + q2;
-        double sin_z1, cos_z1;
-        bad += four_bar_sincos(z1, &sin_z1, &cos_z1);
+        four_bar_sincos_short(q1, &sin_q1, &cos_q1);
+        bad += fabs(q1) <= 1e5 ? 0.0 : 1.0;
         double sin_q2, cos_q2;
-        bad += four_bar_sincos(q2, &sin_q2, &cos_q2);
-        const double z2 = q3 - z1;
-        double sin_z2, cos_z2;
-        bad += four_bar_sincos(z2, &sin_z2, &cos_z2);
+        four_bar_sincos_short(q2, &sin_q2, &cos_q2);
+        bad += fabs(q2) <= 1e5 ? 0.0 : 1.0;
+        const double sin_z1 = sin_q1 * cos_q2 + cos_q1 * sin_q2;
+        const double cos_z1 = cos_q1 * cos_q2 - sin_q1 * sin_q2;
+        const double sin_z2 = sin_q3 * cos_z1 - cos_q3 * sin_z1;
+        const double cos_z2 = cos_q3 * cos_z1 + sin_q3 * sin_z1;
 
         /* violation: constraint violation: φ(q, t), then A v − c row by row */
         const double z3 = cos_q3 * l3;
@@ -216,14 +216,16 @@ void four_bar_project_lanes(const double *restrict t_, const double *restrict x,
 
         /* angles: their sines and cosines, all together */
         double sin_q2, cos_q2;
-        bad += four_bar_sincos(q2, &sin_q2, &cos_q2);
-        const double z1 = q1 + q2;
-        double sin_z1, cos_z1;
-        bad += four_bar_sincos(z1, &sin_z1, &cos_z1);
+        four_bar_sincos_short(q2, &sin_q2, &cos_q2);
+        bad += fabs(q2) <= 1e5 ? 0.0 : 1.0;
         double sin_q3, cos_q3;
-        bad += four_bar_sincos(q3, &sin_q3, &cos_q3);
+        four_bar_sincos_short(q3, &sin_q3, &cos_q3);
+        bad += fabs(q3) <= 1e5 ? 0.0 : 1.0;
         double sin_q1, cos_q1;
-        bad += four_bar_sincos(q1, &sin_q1, &cos_q1);
+        four_bar_sincos_short(q1, &sin_q1, &cos_q1);
+        bad += fabs(q1) <= 1e5 ? 0.0 : 1.0;
+        const double sin_z1 = sin_q2 * cos_q1 + cos_q2 * sin_q1;
+        const double cos_z1 = cos_q2 * cos_q1 - sin_q2 * sin_q1;
 
         /* x: nearest consistent state: q on φ = 0, w kept */
         const double z2 = m2 * l2;
@@ -321,7 +323,8 @@ void four_bar_guards_lanes(const double *restrict t_, const double *restrict x, 
 
         /* angles: their sines and cosines, all together */
         double z1, z1_cos;
-        bad += four_bar_sincos(q1 + q2 - q3, &z1, &z1_cos);
+        four_bar_sincos_short(q1 + q2 - q3, &z1, &z1_cos);
+        bad += fabs(q1 + q2 - q3) <= 1e5 ? 0.0 : 1.0;
 
         /* guards: what must not change its sign or vanish on the way: pivots, and how independent the rows of A are */
         const double z2 = 2500066.912293736 * l3 * z1;
@@ -361,17 +364,15 @@ void four_bar_rates_lanes(const double *restrict t_, const double *restrict x, c
 
         /* angles: their sines and cosines, all together */
         double sin_q2, cos_q2;
-        bad += four_bar_sincos_short(q2, &sin_q2, &cos_q2);
-        const double z1 = q2 + q1;
-        const double z2 = z1 - q3;
-        double sin_z2, cos_z2;
-        bad += four_bar_sincos_short(z2, &sin_z2, &cos_z2);
-        double cos_z1_sin, cos_z1;
-        bad += four_bar_sincos_short(z1, &cos_z1_sin, &cos_z1);
+        four_bar_sincos_short(q2, &sin_q2, &cos_q2);
         double cos_q1_sin, cos_q1;
-        bad += four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
+        four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
+        const double cos_z1_sin = sin_q2 * cos_q1 + cos_q2 * cos_q1_sin;
+        const double cos_z1 = cos_q2 * cos_q1 - sin_q2 * cos_q1_sin;
         double cos_q3_sin, cos_q3;
-        bad += four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
+        four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
+        const double sin_z2 = cos_z1_sin * cos_q3 - cos_z1 * cos_q3_sin;
+        const double cos_z2 = cos_z1 * cos_q3 + cos_z1_sin * cos_q3_sin;
 
         /* S: generalized velocities per quasi-velocity, v = S w + R c */
         const double z3 = cos_z2 * c5;
@@ -415,13 +416,9 @@ void four_bar_rates_lanes(const double *restrict t_, const double *restrict x, c
         out[2 * LANES + lane] = v_3; /* der(q3), rad/s */
         out[3 * LANES + lane] = z23; /* der(q1_dot), rad/s^2 */
         bad += fabs(z5) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
-        stray[lane] = bad + ((0.0 * out[1 * LANES + lane]) + (0.0 * out[2 * LANES + lane]) + (0.0 * out[3 * LANES + lane]));
+        stray[lane] += bad;
     }
-    (void)t_;
-    (void)x;
-    (void)u;
-    (void)p;
-    (void)c;
+    (void)t_, (void)x, (void)u, (void)p, (void)c, (void)stray;
 }
 
 /* For steps of motions, dynamics and power at once: what both need is computed once. */
@@ -452,17 +449,15 @@ void four_bar_slope_lanes(const double *restrict t_, const double *restrict x, c
 
         /* angles: their sines and cosines, all together */
         double sin_q2, cos_q2;
-        bad += four_bar_sincos_short(q2, &sin_q2, &cos_q2);
-        const double z1 = q2 + q1;
-        const double z2 = z1 - q3;
-        double sin_z2, cos_z2;
-        bad += four_bar_sincos_short(z2, &sin_z2, &cos_z2);
-        double cos_z1_sin, cos_z1;
-        bad += four_bar_sincos_short(z1, &cos_z1_sin, &cos_z1);
+        four_bar_sincos_short(q2, &sin_q2, &cos_q2);
         double cos_q1_sin, cos_q1;
-        bad += four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
+        four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
+        const double cos_z1_sin = sin_q2 * cos_q1 + cos_q2 * cos_q1_sin;
+        const double cos_z1 = cos_q2 * cos_q1 - sin_q2 * cos_q1_sin;
         double cos_q3_sin, cos_q3;
-        bad += four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
+        four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
+        const double sin_z2 = cos_z1_sin * cos_q3 - cos_z1 * cos_q3_sin;
+        const double cos_z2 = cos_z1 * cos_q3 + cos_z1_sin * cos_q3_sin;
 
         /* S: generalized velocities per quasi-velocity, v = S w + R c */
         const double z3 = cos_z2 * c5;
@@ -517,9 +512,14 @@ void four_bar_slope_lanes(const double *restrict t_, const double *restrict x, c
 
             /* angles: their sines and cosines, all together */
             double sin_q2, sin_q2_cos;
-            bad += four_bar_sincos_short(q2, &sin_q2, &sin_q2_cos);
-            double z1, z1_cos;
-            bad += four_bar_sincos_short(q2 + q1 - q3, &z1, &z1_cos);
+            four_bar_sincos_short(q2, &sin_q2, &sin_q2_cos);
+            double sine, sine_cos;
+            four_bar_sincos_short(q1, &sine, &sine_cos);
+            const double sine_ = sin_q2 * sine_cos + sin_q2_cos * sine;
+            const double sine__cos = sin_q2_cos * sine_cos - sin_q2 * sine;
+            double sine__, sine___cos;
+            four_bar_sincos_short(q3, &sine__, &sine___cos);
+            const double z1 = sine_ * sine___cos - sine__cos * sine__;
 
             /* power: power of forces without potential: d(T + V)/dt */
             const double z2 = z1 * l3;
@@ -528,15 +528,130 @@ void four_bar_slope_lanes(const double *restrict t_, const double *restrict x, c
 
             power[0 * LANES + lane] = z4; /* power, W */
             bad += fabs(z2) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+        }
+        stray[lane] += bad;
+    }
+    (void)t_, (void)x, (void)u, (void)p, (void)c, (void)stray;
+}
+
+/* Constraints and guards at once: what both need is computed once. */
+void four_bar_looked_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict p,
+    double *restrict out, double *restrict seen, double *restrict stray)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        double bad = 0.0;
+        stray[lane] = 0.0;
+        const double q1 = x[0 * LANES + lane];
+        const double q2 = x[1 * LANES + lane];
+        const double q3 = x[2 * LANES + lane];
+        const double q1_dot = x[3 * LANES + lane];
+        const double l1 = p[0 * LANES + lane];
+        const double l2 = p[1 * LANES + lane];
+        const double l3 = p[2 * LANES + lane];
+        const double l4 = p[3 * LANES + lane];
+
+        /* angles: their sines and cosines, all together */
+        double sin_q3, cos_q3;
+        four_bar_sincos_short(q3, &sin_q3, &cos_q3);
+        bad += fabs(q3) <= 1e5 ? 0.0 : 1.0;
+        double sin_q1, cos_q1;
+        four_bar_sincos_short(q1, &sin_q1, &cos_q1);
+        bad += fabs(q1) <= 1e5 ? 0.0 : 1.0;
+        double sin_q2, cos_q2;
+        four_bar_sincos_short(q2, &sin_q2, &cos_q2);
+        bad += fabs(q2) <= 1e5 ? 0.0 : 1.0;
+        const double sin_z1 = sin_q1 * cos_q2 + cos_q1 * sin_q2;
+        const double cos_z1 = cos_q1 * cos_q2 - sin_q1 * sin_q2;
+        const double sin_z2 = sin_q3 * cos_z1 - cos_q3 * sin_z1;
+        const double cos_z2 = cos_q3 * cos_z1 + sin_q3 * sin_z1;
+
+        /* violation: constraint violation: φ(q, t), then A v − c row by row */
+        const double z3 = cos_q3 * l3;
+        const double z4 = cos_z1 * l2;
+        const double z5 = l4 + z3 - cos_q1 * l1 - z4;
+        const double z6 = l3 * sin_q3;
+        const double z7 = l2 * sin_z1;
+        const double z8 = z6 - l1 * sin_q1 - z7;
+        const double z9 = l1 * sin_q2;
+        const double z10 = l3 * sin_z2;
+        const double z11 = z9 / z10;
+        const double z12 = z11 * q1_dot;
+        const double z13 = l1 * cos_q2;
+        const double z14 = l2 + z13;
+        const double z15 = z6 * z12 - q1_dot * (cos_z1 * z9 - sin_z1 * z14);
+        const double z16 = q1_dot * (1.0 + (z13 + l3 * cos_z2 * z11) / l2);
+        const double z17 = z15 - z7 * z16;
+        const double z18 = q1_dot * (sin_z1 * z9 + cos_z1 * z14) + z3 * z12;
+        const double z19 = z4 * z16 - z18;
+
+        out[0 * LANES + lane] = z5; /* phi C.x */
+        out[1 * LANES + lane] = z8; /* phi C.y */
+        out[2 * LANES + lane] = z17; /* velocity C.x */
+        out[3 * LANES + lane] = z19; /* velocity C.y */
+        bad += fabs(z10) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+        {
+            const double q1 = x[0 * LANES + lane];
+            const double q2 = x[1 * LANES + lane];
+            const double q3 = x[2 * LANES + lane];
+            const double l3 = p[2 * LANES + lane];
+
+            /* angles: their sines and cosines, all together */
+            double sine, sine_cos;
+            four_bar_sincos_short(q3, &sine, &sine_cos);
+            bad += fabs(q3) <= 1e5 ? 0.0 : 1.0;
+            double sine_, sine__cos;
+            four_bar_sincos_short(q1, &sine_, &sine__cos);
+            bad += fabs(q1) <= 1e5 ? 0.0 : 1.0;
+            double sine__, sine___cos;
+            four_bar_sincos_short(q2, &sine__, &sine___cos);
+            bad += fabs(q2) <= 1e5 ? 0.0 : 1.0;
+            const double sine___ = sine_ * sine___cos + sine__cos * sine__;
+            const double sine____cos = sine__cos * sine___cos - sine_ * sine__;
+            const double z1 = sine___ * sine_cos - sine____cos * sine;
+
+            /* guards: what must not change its sign or vanish on the way: pivots, and how independent the rows of A are */
+            const double z2 = 2500066.912293736 * l3 * z1;
+
+            seen[0 * LANES + lane] = z2; /* pivot of C.x */
+        }
+        stray[lane] += bad;
+        stray[lane] += ((0.0 * p[4 * LANES + lane] + 0.0 * out[0 * LANES + lane] + 0.0 * out[3 * LANES + lane]) + (0.0 * p[5 * LANES + lane] + 0.0 * out[1 * LANES + lane]) + (0.0 * p[6 * LANES + lane] + 0.0 * out[2 * LANES + lane])) + ((0.0 * x[3 * LANES + lane] + 0.0 * p[3 * LANES + lane] + 0.0 * p[6 * LANES + lane]) + (0.0 * p[0 * LANES + lane] + 0.0 * p[4 * LANES + lane] + 0.0 * seen[0 * LANES + lane]) + (0.0 * p[1 * LANES + lane] + 0.0 * p[5 * LANES + lane]));
+    }
+    (void)t_, (void)u, (void)p;
+}
+
+/* Whether a state is plain, and what was computed of it: no angle too large, all finite. */
+void four_bar_plain_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict p,
+    const double *restrict c, const double *restrict out, const double *restrict power, double *restrict stray)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        double bad = 0.0;
+        {
+            const double q1 = x[0 * LANES + lane];
+            const double q2 = x[1 * LANES + lane];
+            const double q3 = x[2 * LANES + lane];
+            bad += fabs(q2) <= 1e5 ? 0.0 : 1.0;
+            const double z1 = q2 + q1;
+            const double z2 = z1 - q3;
+            bad += fabs(z2) <= 1e5 ? 0.0 : 1.0;
+            bad += fabs(z1) <= 1e5 ? 0.0 : 1.0;
+            bad += fabs(q1) <= 1e5 ? 0.0 : 1.0;
+            bad += fabs(q3) <= 1e5 ? 0.0 : 1.0;
+            bad += (0.0 * out[1 * LANES + lane]) + (0.0 * out[2 * LANES + lane]) + (0.0 * out[3 * LANES + lane]);
+        }
+        {
+            const double q1 = x[0 * LANES + lane];
+            const double q2 = x[1 * LANES + lane];
+            const double q3 = x[2 * LANES + lane];
+            bad += fabs(q2) <= 1e5 ? 0.0 : 1.0;
+            bad += fabs(q2 + q1 - q3) <= 1e5 ? 0.0 : 1.0;
             bad += (0.0 * p[1 * LANES + lane] + 0.0 * p[4 * LANES + lane] + 0.0 * power[0 * LANES + lane]) + (0.0 * p[2 * LANES + lane] + 0.0 * p[5 * LANES + lane]) + (0.0 * p[3 * LANES + lane] + 0.0 * p[6 * LANES + lane]);
         }
-        stray[lane] = bad + ((0.0 * out[1 * LANES + lane]) + (0.0 * out[2 * LANES + lane]) + (0.0 * out[3 * LANES + lane]));
+        stray[lane] += bad;
     }
-    (void)t_;
-    (void)x;
-    (void)u;
-    (void)p;
-    (void)c;
+    (void)t_, (void)x, (void)u, (void)p, (void)c, (void)out, (void)power;
 }
 
 void four_bar_dynamics_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict c,

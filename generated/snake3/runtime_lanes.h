@@ -428,26 +428,33 @@ static void refill(const Motions *all, const Method *method, Lanes *w, int lane,
     }
 }
 
-/* The slope at states z, of the work too where it is `weighted`; lanes that are not plain become bad. */
-static inline void slopes(Lanes *w, const double *t, const double *z, int weighted, double *k)
+/* Before slopes at states z: inputs there. */
+static inline void lanes_fed(Lanes *w, const double *t, const double *z)
 {
 #if HAS_INPUTS
     if (w->tables)
         feed_lanes(w, t, z);
+#else
+    (void)w, (void)t, (void)z;
 #endif
+}
+
+/* The slope at states z, of the work too where it is `weighted`; lanes near a zero pivot become bad, and all that are not plain but where
+   steps have functions of their own: then lanes_plain says it. */
+static inline void slopes_fed(Lanes *w, const double *t, const double *z, int weighted, double *k)
+{
 #if HAS_LANES_SLOPE
     if (weighted) {
-        LANES_slope(t, z, w->u, w->p, w->c, k, k + NX * LANES, w->stray);
-        store(w->bad, vector(w->bad) + vector(w->stray));
+        LANES_slope(t, z, w->u, w->p, w->c, k, k + NX * LANES, w->bad);
         return;
     }
 #endif
 #if HAS_LANES_RATES
-    LANES_rates(t, z, w->u, w->p, w->c, k, w->stray);
+    LANES_rates(t, z, w->u, w->p, w->c, k, w->bad);
 #else
     LANES_dynamics(t, z, w->u, HAS_CONSTANTS ? w->c : w->p, k, w->stray);
-#endif
     store(w->bad, vector(w->bad) + vector(w->stray));
+#endif
 #if HAS_POWER
     store(k + NX * LANES, (Vector){0.0});
 #endif
@@ -458,6 +465,25 @@ static inline void slopes(Lanes *w, const double *t, const double *z, int weight
     }
 #endif
     (void)weighted;
+}
+
+static inline void slopes(Lanes *w, const double *t, const double *z, int weighted, double *k)
+{
+    lanes_fed(w, t, z);
+    slopes_fed(w, t, z, weighted, k);
+}
+
+/* Lanes where state z or its slope k, with the work, is not plain become bad. A stage that is not finite leaves none that is. */
+static inline void lanes_plain(Lanes *w, const double *t, const double *z, const double *k)
+{
+#if HAS_LANES_RATES
+    const Vector one = (Vector){0.0} + 1.0;
+    LANES_plain(t, z, w->u, w->p, w->c, k, k + NX * LANES, w->bad);
+    /* beyond all measure: angles of stages may have been too large */
+    store(w->bad, vector(w->bad) + either((Bits)(vector(w->now) > 1e9), one, one - one));
+#else
+    (void)w, (void)t, (void)z, (void)k;
+#endif
 }
 
 #if EXPLICIT_STAGES
@@ -505,8 +531,35 @@ static inline void lanes_error(const Motions *all, Lanes *w, int errors)
     store(w->now, either((Bits)(first == 0.0), first, first / size));
 }
 
-/* One step of an explicit method in all lanes of the groups: z, next, and the error in units of the tolerance. */
-static inline void lanes_step(const Motions *all, const Tableau *m, Lanes *const *groups, int count)
+/* Slopes of stage n in all groups, two of them at a time where that is worth it. */
+static inline void lanes_stage(Lanes *const *groups, int count, int n, int weighted)
+{
+    int g;
+#if HAS_LANES_PAIRS && (HAS_LANES_SLOPE || !HAS_POWER)
+    Lanes *const w = groups[0];
+    if (count == 2) {
+        const ptrdiff_t apart = (const double *)groups[1] - (const double *)w;
+#if HAS_LANES_SLOPE
+        if (weighted) {
+            LANES_slope_pair(w->at, w->z, w->u, w->p, w->c, w->k[n], w->k[n] + NX * LANES, w->bad, apart);
+            return;
+        }
+#endif
+        LANES_rates_pair(w->at, w->z, w->u, w->p, w->c, w->k[n], w->bad, apart);
+#if HAS_LANES_SLOPE
+        for (g = 0; g < count; g++)
+            store(groups[g]->k[n] + NX * LANES, (Vector){0.0});
+#endif
+        return;
+    }
+#endif
+    for (g = 0; g < count; g++)
+        slopes_fed(groups[g], groups[g]->at, groups[g]->z, weighted, groups[g]->k[n]);
+}
+
+/* One step of an explicit method in all lanes of the groups: z, next, and the error in units of the tolerance. The last slope is left for
+   lanes_projected where it is `late`. */
+static inline void lanes_step(const Motions *all, const Tableau *m, int late, Lanes *const *groups, int count)
 {
     int g, n;
     for (g = 0; g < count; g++) {
@@ -518,16 +571,20 @@ static inline void lanes_step(const Motions *all, const Tableau *m, Lanes *const
         memcpy(w->z + NX * LANES, w->y + NX * LANES, LANES * sizeof(double));
 #endif
     }
-    for (n = 1; n <= m->stages; n++)
+    for (n = 1; n <= m->stages; n++) {
         for (g = 0; g < count; g++) {
             Lanes *const w = groups[g];
             combine(m, n - 1, w, w->z);
             store(w->at, vector(w->t) + m->c[n - 1] * vector(w->h));
-            slopes(w, w->at, w->z, m->weighted >> n & 1, w->k[n]);
+            if (n + late <= m->stages)
+                lanes_fed(w, w->at, w->z);
         }
+        if (n + late <= m->stages)
+            lanes_stage(groups, count, n, m->weighted >> n & 1);
+    }
     for (g = 0; g < count; g++) {
         Lanes *const w = groups[g];
-        memcpy(w->next, w->k[m->stages], sizeof w->next);
+        memcpy(w->next, w->k[m->stages - late], sizeof w->next);
         memset(w->now, 0, sizeof w->now);
         if (m->errors == 0 || all->step_size > 0.0)
             continue;
@@ -657,68 +714,103 @@ static inline void lanes_recentred(const Motions *all, Lanes *w)
 }
 #endif
 
-/* Evaluations that a step takes in each lane. */
-static inline Bits stages_of(const Method *method, const Lanes *w)
+/* Is the slope at the end of a step made once, behind the projection? Before it that of the stage before stands for it. */
+static inline int is_late(const Motions *all, const Method *method)
+{
+#if HAS_PROJECT && EXPLICIT_STAGES && !KINKS
+    return all->enforcement == PROJECTION && !method->prepare && ((const Tableau *)method->coefficients)->late;
+#else
+    (void)all, (void)method;
+    return 0;
+#endif
+}
+
+/* Evaluations that a step takes in each lane before it is projected. */
+static inline Bits stages_of(const Motions *all, const Method *method, const Lanes *w)
 {
 #if EXPLICIT_STAGES
     if (!method->prepare)
-        return bits(w->busy) & (uint64_t)((const Tableau *)method->coefficients)->stages;
+        return bits(w->busy) & (uint64_t)(((const Tableau *)method->coefficients)->stages - is_late(all, method));
 #endif
+    (void)all, (void)method;
 #if HAS_LANES_TAYLOR
-    (void)method;
     return bits(w->made) & 1;
 #endif
 }
 
 #if HAS_PROJECT
-/* Puts z of good lanes back on the constraints; slopes are computed again where that moved it. What does not converge becomes bad. */
-static inline void lanes_projected(Lanes *w)
+/* Puts z of these lanes back on the constraints. What does not converge becomes bad. Returns the lanes that were not within `close` of the
+   constraints before their last step: its error is the square of that. */
+static inline Bits lanes_closed(Lanes *w, Bits which, double close)
 {
-    double *const point = w->e, *const close = w->other;
-    Bits active = bits(w->good), moved = active ^ active;
+    double *const point = w->e, *const nearer = w->other;
+    Bits active = which, trusted = active ^ active;
+    Vector before = (Vector){0.0} + INFINITY;
     const Vector one = (Vector){0.0} + 1.0;
-    Vector before = (Vector){0.0} + INFINITY, jump = {0.0}, speed = {0.0}, move = {0.0};
     int i, n;
     memcpy(point, w->z, sizeof w->z);
     for (n = 0; n < PROJECT_MOST && any(active); n++) {
         Vector residual;
-        Bits plain;
-        LANES_project(w->end, point, w->u, w->p, close, w->stray, w->residual);
+        Bits met;
+        LANES_project(w->end, point, w->u, w->p, nearer, w->stray, w->residual);
         residual = vector(w->residual);
-        plain = (Bits)(vector(w->stray) == 0.0);
         store(w->bad, vector(w->bad) + either(active, vector(w->stray), residual - residual));
-        active &= plain;
+        active &= (Bits)(vector(w->stray) == 0.0);
         for (i = 0; i < NX; i++)
-            store(point + i * LANES, either(active, vector(close + i * LANES), vector(point + i * LANES)));
-        active &= ~((Bits)(residual <= PROJECT_TOLERANCE) | ((Bits)(residual >= 0.5 * before) & (Bits)(residual <= 1000.0 * PROJECT_TOLERANCE)));
+            store(point + i * LANES, either(active, vector(nearer + i * LANES), vector(point + i * LANES)));
+        met = (Bits)(residual <= PROJECT_TOLERANCE) | ((Bits)(residual >= 0.5 * before) & (Bits)(residual <= 1000.0 * PROJECT_TOLERANCE));
+        trusted |= active & ~met & (Bits)(residual <= close);
+        active &= ~(met | (Bits)(residual <= close));
         before = residual;
     }
-    store(w->bad, vector(w->bad) + either(active, (Vector){0.0} + 1.0, (Vector){0.0})); /* not converged */
-    for (i = 0; i < NX; i++) {
-        moved |= (Bits)(vector(point + i * LANES) != vector(w->z + i * LANES));
-        move = larger(move, size_of(vector(point + i * LANES) - vector(w->z + i * LANES)));
-    }
-    moved &= bits(w->good);
-    *(Bits *)w->moved = moved;
-    if (!any(moved))
-        return;
-    memcpy(w->z, point, NX * LANES * sizeof(double)); /* lanes that are not good are not looked at any more */
+    store(w->bad, vector(w->bad) + either(active, one, one - one)); /* not converged */
+    return trusted;
+}
+
+/* The slope at z, which a projection moved where it is `moved`; lanes that came to another branch by it become bad. */
+static inline void lanes_turned(Lanes *w, Bits moved, Bits wanted, Vector move)
+{
+    const Vector one = (Vector){0.0} + 1.0;
+    Vector jump = {0.0}, speed = {0.0};
+    int i;
     slopes(w, w->end, w->z, 1, w->k[0]);
+    lanes_plain(w, w->end, w->z, w->k[0]);
     for (i = 0; i < NQ; i++) {
         jump = larger(jump, size_of(vector(w->k[0] + i * LANES) - vector(w->next + i * LANES)));
         speed = larger(speed, size_of(vector(w->next + i * LANES)));
     }
     store(w->bad, vector(w->bad) + either(moved & (Bits)(jump > OTHER_BRANCH * speed) & (Bits)(jump > FAR_BEYOND * move), one, one - one));
     for (i = 0; i < N; i++)
-        store(w->next + i * LANES, either(moved, vector(w->k[0] + i * LANES), vector(w->next + i * LANES)));
-    *(Bits *)w->calls += moved & 1;
+        store(w->next + i * LANES, either(wanted, vector(w->k[0] + i * LANES), vector(w->next + i * LANES)));
+    *(Bits *)w->moved += wanted & 1;
+    *(Bits *)w->calls += wanted & 1;
+}
+
+/* These lanes on the constraints again, and the slope there: where that moved them, and where it is `late`, in all. */
+static inline Bits lanes_projected(Lanes *w, Bits which, int late, double close)
+{
+    const Bits trusted = lanes_closed(w, which, close);
+    Vector move = {0.0};
+    Bits moved = which ^ which;
+    int i;
+    for (i = 0; i < NX; i++) {
+        moved |= (Bits)(vector(w->e + i * LANES) != vector(w->z + i * LANES));
+        move = larger(move, size_of(vector(w->e + i * LANES) - vector(w->z + i * LANES)));
+    }
+    moved &= which;
+    memcpy(w->z, w->e, NX * LANES * sizeof(double)); /* lanes that are not good are not looked at any more */
+    if (any(late ? which : moved))
+        lanes_turned(w, moved, late ? which : moved, move);
+    return trusted;
 }
 #endif
 
 /* What constraints and guards say about z: violations, and lanes that the loop of one motion has to look at. */
 static inline void lanes_looked(Lanes *w)
 {
-#if HAS_CONSTRAINTS
+#if HAS_LANES_LOOKED
+    LANES_looked(w->end, w->z, w->u, w->p, w->violation, w->seen, w->stray);
+#elif HAS_CONSTRAINTS
     LANES_constraints(w->end, w->z, w->u, w->p, w->violation, w->stray);
     store(w->bad, vector(w->bad) + vector(w->stray));
 #endif
@@ -728,7 +820,9 @@ static inline void lanes_looked(Lanes *w)
     int i;
     for (i = 0; HAS_CONSTRAINTS && i < POSITION_ROWS; i++)
         drift = larger(drift, size_of(vector(w->violation + i * LANES)));
+#if !HAS_LANES_LOOKED
     LANES_guards(w->end, w->z, w->u, w->p, w->seen, w->stray);
+#endif
     bad = vector(w->bad) + vector(w->stray);
     for (i = 0; i < GUARDS; i++) {
         const Vector value = vector(w->seen + i * LANES), old = vector(w->guard + i * LANES), rate = vector(w->guard_rate + i * LANES);
@@ -742,6 +836,28 @@ static inline void lanes_looked(Lanes *w)
 #endif
     (void)w;
 }
+
+#if HAS_PROJECT
+/* Good lanes on the constraints, and what these say then. A step of Newton's method from within 1e-8 is trusted to end at rounding; where
+   the constraints do not say so there are more. */
+static inline void lanes_enforced(Lanes *w, int late)
+{
+    const Bits trusted = lanes_projected(w, bits(w->good), late, HAS_CONSTRAINTS ? 1e-8 : 0.0);
+    Vector most = {0.0}, size = (Vector){0.0} + 1.0;
+    Bits off;
+    int i;
+    lanes_looked(w);
+    for (i = 0; i < CONSTRAINT_ROWS; i++)
+        most = larger(most, size_of(vector(w->violation + i * LANES)));
+    for (i = 0; i < NX; i++)
+        size = larger(size, size_of(vector(w->z + i * LANES)));
+    off = trusted & ~(Bits)(most <= PROJECT_TOLERANCE * size) & (Bits)(vector(w->bad) == 0.0);
+    if (!any(off))
+        return;
+    lanes_projected(w, off, 0, 0.0);
+    lanes_looked(w);
+}
+#endif
 
 #if HAS_GUARDS && HAS_PROJECT
 /* Lanes that go by a singular position, as in is_passing: their steps are made by the loop of one motion. */
@@ -775,11 +891,13 @@ static inline void lanes_cubic(Lanes *w)
 
 #if EXPLICIT_STAGES
 /* By weights of the stages, some of which are made for it. */
-static inline void lanes_weighted(const Tableau *m, Lanes *w)
+static inline void lanes_weighted(const Tableau *m, int late, Lanes *w)
 {
     const int first = m->stages + m->errors;
     int n;
     memcpy(w->k[0], w->own, sizeof w->own);
+    if (late)
+        memcpy(w->k[m->stages], w->next, sizeof w->next);
     for (n = 0; n < m->extra; n++) {
         combine(m, first + n, w, w->e);
         store(w->at, vector(w->t) + m->c[m->stages + n] * vector(w->h));
@@ -802,7 +920,7 @@ static inline void lanes_dense(const Motions *all, const Method *method, Lanes *
 #endif
 #if EXPLICIT_STAGES
     if (((const Tableau *)method->coefficients)->degree)
-        lanes_weighted((const Tableau *)method->coefficients, w);
+        lanes_weighted((const Tableau *)method->coefficients, is_late(all, method), w);
     else
 #endif
         lanes_cubic(w);
@@ -1081,7 +1199,7 @@ static int alone(const Motions *all, const Method *method, Lanes *w, int lane)
     Motion *const m = w->motion + lane;
     int status = OK;
     leave_lane(w, lane);
-    m->s.calls -= (long)stages_of(method, w)[lane] + (w->moved[lane] != 0);
+    m->s.calls -= (long)stages_of(all, method, w)[lane] + (long)w->moved[lane];
 #if HAS_LANES_TAYLOR
     if (method->prepare && (status = prepared(all, method, w, lane)) != OK)
         return told(&m->run, status);
@@ -1104,6 +1222,8 @@ static inline void lanes_settled(const Motions *all, const Method *method, Lanes
 {
     uint64_t *const met = w->met;
     int lane;
+    if (!is_late(all, method))
+        lanes_plain(w, w->end, w->z, w->next);
 #if KINKS
     lanes_kinked(w);
 #endif
@@ -1113,12 +1233,13 @@ static inline void lanes_settled(const Motions *all, const Method *method, Lanes
 #endif
     memcpy(w->stray_now, w->bad, sizeof w->bad);
     *(Bits *)w->good = bits(w->busy) & (Bits)(vector(w->bad) == 0.0) & (Bits)(vector(w->now) <= 1.0);
-    *(Bits *)w->calls += bits(w->busy) & stages_of(method, w);
+    *(Bits *)w->calls += bits(w->busy) & stages_of(all, method, w);
 #if HAS_PROJECT
     if (all->enforcement == PROJECTION)
-        lanes_projected(w);
+        lanes_enforced(w, is_late(all, method));
+    else
 #endif
-    lanes_looked(w);
+        lanes_looked(w);
     *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
     if (all->events) {
         lanes_watched(all, method, w);
@@ -1153,7 +1274,7 @@ static inline void lanes_moved(const Motions *all, const Method *method, Lanes *
 #endif
 #if EXPLICIT_STAGES
     if (!method->prepare)
-        lanes_step(all, (const Tableau *)method->coefficients, groups, count);
+        lanes_step(all, (const Tableau *)method->coefficients, is_late(all, method), groups, count);
 #endif
 }
 

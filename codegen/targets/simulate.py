@@ -488,7 +488,8 @@ def _sums(method: Tableau) -> list[str]:
     extra = len(method.dense.c) if method.dense else 0
     stages, errors = len(method.a) - 1, len(method.errors)
     powers = stages + errors + extra
-    moved = {*range(stages), *range(stages + errors, powers), powers}
+    inside = {*range(stages - 1), *range(stages + errors, powers)}  # where nobody asks for the work
+    macros = {n: "INSIDE" if n in inside else "MOVED" for n in (*inside, stages - 1, powers)}
     return [
         f"static void {method.name}_sums(int n, const double *restrict k, "
         "const double *restrict h, const double *restrict y, double *restrict z)",
@@ -498,7 +499,7 @@ def _sums(method: Tableau) -> list[str]:
         *(
             line
             for n, row in enumerate(terms)
-            for line in _sum(n, row, "MOVED" if n in moved else "CHANGE")
+            for line in _sum(n, row, macros.get(n, "CHANGE"))
         ),
         "    }",
         "}",

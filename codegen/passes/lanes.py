@@ -20,7 +20,7 @@ PLAIN = frozenset({
 WIDEST = 1_500
 # numbers of a function of loops over links: of one lane, and eight of them go on the stack
 MOST_ROLLED = 40_000
-SHORT = 60  # operations of dynamics, those of sines and cosines besides
+SHORT = 120  # operations of dynamics, those of sines and cosines besides
 LONGEST = 12_000  # of functions that are asked for by name, in parts
 
 

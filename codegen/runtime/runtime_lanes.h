@@ -566,16 +566,16 @@ static inline void lanes_stage(Lanes *const *groups, int count, int n, int weigh
 {
     int g;
 #if HAS_LANES_PAIRS && (HAS_LANES_SLOPE || !HAS_POWER)
-    Lanes *const w = groups[0];
     if (count == 2) {
-        const ptrdiff_t apart = (const double *)groups[1] - (const double *)w;
+        Lanes *const a = groups[0], *const b = groups[1];
 #if HAS_LANES_SLOPE
         if (weighted) {
-            LANES_slope_pair(w->at, w->z, w->u, w->p, w->c, w->k[n], w->k[n] + NX * LANES, w->bad, apart);
+            LANES_slope_pair(a->at, a->z, a->u, a->p, a->c, a->k[n], a->k[n] + NX * LANES, a->bad,
+                             b->at, b->z, b->u, b->p, b->c, b->k[n], b->k[n] + NX * LANES, b->bad);
             return;
         }
 #endif
-        LANES_rates_pair(w->at, w->z, w->u, w->p, w->c, w->k[n], w->bad, apart);
+        LANES_rates_pair(a->at, a->z, a->u, a->p, a->c, a->k[n], a->bad, b->at, b->z, b->u, b->p, b->c, b->k[n], b->bad);
 #if HAS_LANES_SLOPE
         for (g = 0; g < count; g++)
             store(groups[g]->k[n] + NX * LANES, (Vector){0.0});

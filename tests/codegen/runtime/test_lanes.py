@@ -212,6 +212,8 @@ def test_bad_arguments(modules: dict[str, ModuleType]) -> None:
     ):
         with pytest.raises(ValueError, match=r"needs|broadcast"):
             module.simulate(**{"x": x, **given})
+    with pytest.raises(ValueError, match=r"broadcast together, got x \(4,\), u \(5,\)"):
+        module.simulate((0.0, 1.0), x, np.zeros((5, 1)))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert module.simulate((0.0, 1.0), x[:0]).x.shape == (0, 2, 2)
@@ -226,9 +228,11 @@ def test_progress_and_interrupts(modules: dict[str, ModuleType]) -> None:
     def stop(done: int) -> None:
         raise KeyboardInterrupt
 
-    with pytest.warns(RuntimeWarning, match="interrupted after|ended early"):
+    with pytest.warns(RuntimeWarning, match="interrupted after") as warned:
         part = module.simulate((0.0, 0.1), x, progress=stop)
     done = part.status == 0
+    said = [str(warning.message) for warning in warned]
+    assert len(said) == 1 and f"after {done.sum()} of 300" in said[0]  # not that others failed
     assert (
         0 < done.sum() < 300 and np.isfinite(part.x[done]).all() and np.isnan(part.x[~done]).all()
     )

@@ -124,7 +124,10 @@ class Queue:
 
     def _empty(self, buffers: Buffers, simulations: np.ndarray, first: int) -> None:
         """Takes events out; a motion whose room ended goes on by itself."""
-        for place in range(len(simulations)):
+        ended = self.ends["status"][first : first + len(simulations)] == Status.FULL
+        others = np.flatnonzero(~ended)
+        self.log.take_many(buffers, others, self.numbers[first + others])
+        for place in np.flatnonzero(ended).tolist():
             row = first + place
             status = self.ends["status"][row]
             if self.log.emptied(buffers, place, self.numbers[row], status) != status:

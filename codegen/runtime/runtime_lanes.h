@@ -1001,19 +1001,74 @@ static inline void lanes_values(const Motions *all, Lanes *w, int j)
     }
 }
 
+#if EXPLICIT_STAGES
+/* A continuous output from what the step has made anyway: the polynomial of degree 5 through both ends and two slopes inside. */
+static inline void lanes_roughly(const Tableau *m, Lanes *w)
+{
+    const Vector h = vector(w->h);
+    int i, n;
+    w->degree = 5;
+    for (i = 0; i < NX * LANES; i += LANES) {
+        const Vector y = vector(w->y + i), z = vector(w->z + i), own = h * vector(w->own + i), next = h * vector(w->next + i);
+        const Vector first = h * vector(w->k[m->inside[0]] + i), third = h * vector(w->k[m->inside[1]] + i);
+        for (n = 0; n <= 5; n++) {
+            const double *const a = m->rough + 6 * n;
+            store(w->a[n] + i, (a[0] * y + a[1] * z) + (a[2] * own + a[3] * next) + (a[4] * first + a[5] * third));
+        }
+    }
+}
+
+/* In which lanes may something happen in the step? Values on that polynomial say in none where they stay away from zero by more than what the
+   cubic through both ends is off by in the middle, which is much more than it is off itself: no parabola through three of them comes
+   then near zero, either, for it leaves their range by an eighth of that at most. */
+static inline Bits lanes_suspect(const Motions *all, const Tableau *m, Lanes *w)
+{
+    const int count = EVENTS + all->events->count;
+    Vector off[EVENTS_MOST];
+    Bits seen = bits(w->good) ^ bits(w->good);
+    int j, k;
+    lanes_cubic(w);
+    lanes_values(all, w, EIGHTHS / 2);
+    for (k = 0; k < count; k++)
+        off[k] = vector(w->values[EIGHTHS / 2] + k * LANES);
+    lanes_roughly(m, w);
+    for (j = 0; j <= EIGHTHS; j++)
+        lanes_values(all, w, j);
+    for (k = 0; k < count; k++) {
+        const Vector sign = vector(w->signs + k * LANES), wrong = 4.0 * size_of(vector(w->values[EIGHTHS / 2] + k * LANES) - off[k]);
+        Vector least = sign * vector(w->values[0] + k * LANES), most = least;
+        for (j = 1; j <= EIGHTHS; j++) {
+            const Vector value = sign * vector(w->values[j] + k * LANES);
+            least = either((Bits)(value < least), value, least);
+            most = larger(value, most);
+            seen |= ~(Bits)(value > wrong);
+        }
+        seen |= ~(Bits)(least > 0.375 * most + 2.0 * wrong);
+    }
+    return seen & bits(w->good);
+}
+#endif
+
 /* Lanes where something may happen in the step become bad: the loop of one motion looks closer. What is asked is what it asks. */
 static inline void lanes_watched(const Motions *all, const Method *method, Lanes *w)
 {
     const int count = EVENTS + all->events->count;
     const Vector one = (Vector){0.0} + 1.0;
     Vector bad;
+    Bits suspect = bits(w->good);
     int j, k, lane;
-    lanes_dense(all, method, w);
-    for (j = 0; j <= EIGHTHS; j++)
-        lanes_values(all, w, j);
     for (lane = 0; lane < LANES; lane++)
         for (k = 0; k < count; k++)
             w->signs[k * LANES + lane] = w->busy[lane] ? (double)w->motion[lane].s.events->sign[k] : 1.0;
+#if EXPLICIT_STAGES
+    if (!method->prepare && ((const Tableau *)method->coefficients)->rough && !all->events->count)
+        suspect = lanes_suspect(all, (const Tableau *)method->coefficients, w);
+    if (!any(suspect))
+        return;
+#endif
+    lanes_dense(all, method, w);
+    for (j = 0; j <= EIGHTHS; j++)
+        lanes_values(all, w, j);
     bad = vector(w->bad);
     for (k = 0; k < count; k++) {
         const Vector sign = vector(w->signs + k * LANES);
@@ -1032,7 +1087,7 @@ static inline void lanes_watched(const Motions *all, const Method *method, Lanes
     store(w->bad, bad);
 #if EXPLICIT_STAGES
     if (!method->prepare)
-        *(Bits *)w->calls += bits(w->good) & (Bits)(bad == 0.0) & (uint64_t)((const Tableau *)method->coefficients)->extra;
+        *(Bits *)w->calls += suspect & (Bits)(bad == 0.0) & (uint64_t)((const Tableau *)method->coefficients)->extra;
 #endif
 }
 

@@ -496,11 +496,7 @@ def _sums(method: Tableau) -> list[str]:
         "{",
         "    int i;",
         "    switch (n) {",
-        *(
-            line
-            for n, row in enumerate(terms)
-            for line in _sum(n, row, macros.get(n, "CHANGE"))
-        ),
+        *(line for n, row in enumerate(terms) for line in _sum(n, row, macros.get(n, "CHANGE"))),
         "    }",
         "}",
     ]
@@ -532,15 +528,54 @@ def _tableau(method: Tableau, lanes: bool) -> list[str]:
     stages, name = len(method.c) - 1, method.name
     weighted = sum(1 << n for n in used | {stages})
     weights = [number(weight) for row in terms for _, weight in row]
+    (a, b), rough = _insides(method) if method.dense else (0, 0), "NULL"
+    through: list[str] = []
+    if lanes and method.dense:
+        rough = f"{name}_rough[0]"
+        rows = (_list(row) for row in _rough(method.c[a], method.c[b]))
+        through = [f"static const double {name}_rough[6][6] = {{{', '.join(rows)}}};"]
     return [
+        *through,
         f"static const double {name}_c[] = {_list((*method.c[1:], *dense.c))};",
         f"static const int {name}_row[] = {_listed(starts)};",
         f"static const unsigned char {name}_at[] = {_listed(j for row in terms for j, _ in row)};",
         f"static const double {name}_weight[] = {_listed(weights)};",
         f"static const Tableau {name} = {{{stages}, {len(method.errors)}, {weighted}ul, "
         f"{name}_c, {name}_row, {name}_at, {name}_weight, {len(dense.c)}, {len(dense.powers)}"
-        f"{f', {name}_sums, {int(_is_late(method))}' if lanes else ''}}};",
+        f"{f', {name}_sums, {int(_is_late(method))}, {{{a}, {b}}}, {rough}' if lanes else ''}}};",
     ]
+
+
+def _insides(method: Tableau) -> tuple[int, int]:
+    """The stages that the step is made of nearest to its first and to its third quarter."""
+    used = [j for j, weight in enumerate(method.a[-1]) if weight and 0 < method.c[j] < 1]
+    first, third = (min(used, key=lambda j: abs(method.c[j] - Fraction(k, 4))) for k in (1, 3))
+    return first, third
+
+
+def _rough(first: Fraction, third: Fraction) -> list[list[Fraction]]:
+    """The polynomial of degree 5 through both ends of a step, with their slopes and those of two
+    stages: its powers of sigma = 2 theta - 1 from y, z and h times the slopes."""
+    places = [Fraction(-1), Fraction(1)]
+    slopes = [*places, 2 * first - 1, 2 * third - 1]
+    rows = [[place**n for n in range(6)] for place in places]
+    rows += [[n * place ** (n - 1) if n else Fraction(0) for n in range(6)] for place in slopes]
+    scales = [Fraction(1)] * 2 + [Fraction(1, 2)] * 4  # a slope by sigma is half of one by theta
+    unit = [[scales[i] if i == k else Fraction(0) for k in range(6)] for i in range(6)]
+    return _solved([row + right for row, right in zip(rows, unit)])
+
+
+def _solved(rows: list[list[Fraction]]) -> list[list[Fraction]]:
+    """The right halves, by Gauss and Jordan."""
+    count = len(rows)
+    for i in range(count):
+        pivot = next(k for k in range(i, count) if rows[k][i])
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        rows[i] = [value / rows[i][i] for value in rows[i]]
+        for k in range(count):
+            if k != i:
+                rows[k] = [a - rows[k][i] * b for a, b in zip(rows[k], rows[i])]
+    return [row[count:] for row in rows]
 
 
 def _is_late(method: Tableau) -> bool:

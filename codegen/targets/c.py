@@ -312,28 +312,28 @@ def _moving_steps(
     statements = [s for section in part.sections for s in section.statements]
     taken = {s.name for s in statements}
     values = {s.name: s.value for s in statements}
-    called: set[str] = set()
     for section in part.sections:
         yield _Step(("", f"/* {text.comment(section.title)} */"), (), ())
-        pairs = _angles(section)
-        sums = turns(list(pairs), values, given, before) if pairs else []
-        pairs |= {
-            turn.angle: {"sin": _fresh("sine", taken)} for turn in sums if turn.angle not in pairs
-        }
+        own = _angles(section)
+        sums = turns(list(own), values, given, before) if own else []
+        more = [turn.angle for turn in sums if turn.angle not in own]
+        pairs = own | {angle: {"sin": _fresh("sine", taken)} for angle in more}
         places = {angle: _pair(pair, taken) for angle, pair in pairs.items()}
-        early = {place for turn in sums for place in places[turn.angle]}
+        together = [s for turn in sums for s in _turned(program, turn, places, values, checked)]
+        steps = {
+            next(iter(own[angle].values())): [_short(program, angle, places[angle], checked)]
+            for angle in own
+            if angle not in [turn.angle for turn in sums]
+        }
+        firsts = [next(iter(pair.values())) for pair in own.values()]
+        late = [name for name in firsts if name not in steps]
+        steps |= dict.fromkeys(late[:1], together)
         for statement in section.statements:
-            if not _is_turn(statement):
-                line = f"const double {statement.name} = {_value(statement.value, _MANY)};"
-                yield _Step([line], list(names(statement.value)), [statement.name])
-            elif statement.name in early:
-                for turn in sums:
-                    yield from _turned(program, turn, places, values, checked)
-                sums = []
-            elif places[statement.value[1]][0] not in called:
-                angle = statement.value[1]
-                called.add(places[angle][0])
-                yield _short(program, angle, places[angle], checked)
+            if _is_turn(statement):
+                yield from steps.get(statement.name, ())
+                continue
+            line = f"const double {statement.name} = {_value(statement.value, _MANY)};"
+            yield _Step([line], list(names(statement.value)), [statement.name])
 
 
 def _turned(

@@ -65,7 +65,8 @@ def has_slope(program: Program) -> bool:
 
 def has_looked(program: Program) -> bool:
     """Are there constraints and guards, which are looked at together?"""
-    return {CONSTRAINTS, GUARDS} <= {kernel.name for kernel in side_by_side(program)}
+    straight = (kernel.name for kernel in side_by_side(program) if not kernel.rolled)
+    return {CONSTRAINTS, GUARDS} <= set(straight)
 
 
 def has_pairs(program: Program) -> bool:

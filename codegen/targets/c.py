@@ -201,7 +201,7 @@ def _beside(program: Program, kernel: Kernel) -> Body:
     """What a step calls besides."""
     return (
         _moving(program, kernel.name, checked=True)
-        if kernel.name in SHORTER
+        if kernel.name in SHORTER and not kernel.rolled
         else _body(program, kernel, _MANY)
     )
 

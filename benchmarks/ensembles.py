@@ -46,6 +46,8 @@ WHY = {
     "threads": "two threads share a clock and a cache, or a busy machine: run alone",
     "estimate": "a second motion at another tolerance goes beside each: docs/methods.md, Many motions at "
     "a time",
+    "diffrax": "XLA makes vector instructions of the batch, too: docs/methods.md, Many motions at a "
+    "time",
     "MuJoCo": "docs/methods.md, Many motions at a time",
 }
 PYTHON = 1e-8  # the error at which peers from Python are compared

@@ -223,7 +223,7 @@ def rows(many: Many) -> Iterator[Row]:
     place = Place(many)
     own = [tuned(each, place) for each in place.ours()]
     series_of_ours = ((f"our {each.peer}", each) for each in place.ours(SERIES))
-    peers = {key: tuned(each, place) for key, each in (*place.heyoka(), *series_of_ours)}
+    peers = {key: tuned(each, place) for key, each in (*_taylor(place), *series_of_ours)}
     for k, most in enumerate(ERRORS):
         mine = fastest(own, most)
         if mine is None:
@@ -239,6 +239,15 @@ def rows(many: Many) -> Iterator[Row]:
         yield from _scalar(many, place, mine)
         yield from _beside(many, place, mine)
         yield from _costs(many, place, mine)
+
+
+def _taylor(place: Place) -> list[tuple[str, Ensemble]]:
+    """heyoka, but for models with functions that it does not have: the bicycle's sign."""
+    try:
+        return list(place.heyoka())
+    except Unavailable as error:
+        print(f"{place.site.scene.name:10}{error}", file=sys.stderr)
+        return []
 
 
 def _scalar(many: Many, place: Place, mine: Chosen) -> Iterator[Row]:

@@ -53,6 +53,8 @@ def _value(value: Expression, local: Mapping[str, Any]) -> Any:
     plain = {"add": "__add__", "sub": "__sub__", "mul": "__mul__", "div": "__truediv__"}
     if operation in plain:
         return getattr(a, plain[operation])(b)
+    if operation != "neg" and not hasattr(heyoka, str(operation)):
+        raise Unavailable(f"heyoka has no {operation}")
     return -a if operation == "neg" else getattr(heyoka, str(operation))(a)
 
 

@@ -8,7 +8,9 @@ from codegen.program import Expression, Kernel, Program, Rolled
 DYNAMICS = "dynamics"
 BATCHED = (DYNAMICS, "derivatives", "steady")  # worth the time to compile them twice
 POWER = "power"
-STEPPED = (POWER, "project", "constraints", "guards")  # what a step calls besides
+CONSTRAINTS, GUARDS = "constraints", "guards"
+SHORTER = ("project", CONSTRAINTS, GUARDS)  # what a step calls besides, with shorter sines
+STEPPED = (POWER, *SHORTER)
 WATCHED = "events"  # and where something is looked for; without it motions with events go alone
 PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
@@ -20,6 +22,7 @@ WIDEST = 1_500
 # mechanisms go in fewer lanes, and alone where not even two have room.
 MOST_ROLLED = 400_000
 FEWEST = 2
+SHORT = 120  # operations of dynamics, those of sines and cosines besides
 LONGEST = 12_000  # of functions that are asked for by name, in parts
 
 
@@ -76,6 +79,20 @@ def has_slope(program: Program) -> bool:
         and does_work(program)
         and _is_whole(program.kernel(POWER))
     )
+
+
+def has_looked(program: Program) -> bool:
+    """Are there constraints and guards, which are looked at together?"""
+    straight = (kernel.name for kernel in side_by_side(program) if not kernel.rolled)
+    return {CONSTRAINTS, GUARDS} <= set(straight)
+
+
+def has_pairs(program: Program) -> bool:
+    """And for two groups of lanes at a time? The operations of one fill the time in which those of
+    the other wait for each other; longer functions run out of registers."""
+    kernel = program.kernel(DYNAMICS)
+    counts = (kernel.hoisted.rest if kernel.hoisted else kernel).operations
+    return has_rates(program) and counts["total"] + 5 * counts["sin"] <= SHORT
 
 
 def _is_whole(kernel: Kernel) -> bool:

@@ -131,6 +131,17 @@ class Log:
         self.counts[row] = self.counts.get(row, 0) + t.size
         return self.counts[row]
 
+    def take_many(self, buffers: Buffers, places: np.ndarray, rows: np.ndarray) -> None:
+        """The events of motions whose room did not end, all at once."""
+        counts = buffers.structures["n"][places].astype(int)
+        here, which = np.nonzero(np.arange(buffers.t.shape[1]) < counts[:, np.newaxis])
+        arrays = (buffers.t, buffers.x, buffers.which)
+        if here.size:
+            self.parts.append((*(each[places[here], which] for each in arrays), rows[here]))
+        buffers.structures["n"][places] = 0
+        for row, count in zip(rows[counts > 0].tolist(), counts[counts > 0].tolist()):
+            self.counts[row] = self.counts.get(row, 0) + count
+
     def emptied(self, buffers: Buffers, place: int, row: int, status: int) -> Status:
         """Takes out what happened; MORE where it was only the room that ended."""
         count = self.take(buffers, place, row)

@@ -182,6 +182,7 @@ typedef struct __attribute__((aligned(64))) {
     double series[(HIGHEST_ORDER + 1) * N * LANES];
     uint64_t owed[LANES], made[LANES], begun[LANES]; /* whose next step its series has to tell; whose series is new; who took a step before */
 #endif
+    uint64_t fresh[LANES]; /* whose motion has no slope and no step size yet */
     uint64_t good[LANES], met[LANES], moved[LANES], busy[LANES], steps[LANES], rejected[LANES], calls[LANES], spent[LANES]; /* `spent` is of the whole motion */
 #if HAS_INPUTS
     double knot[LANES], table[4 * INPUTS * LANES]; /* where the segment of each lane begins, and its polynomials */
@@ -195,7 +196,7 @@ typedef struct __attribute__((aligned(64))) {
 } Lanes;
 
 /* Vectors are loaded from there in one piece. */
-typedef char lanes_are_aligned[offsetof(Lanes, good) % sizeof(Bits) == 0 ? 1 : -1];
+typedef char lanes_are_aligned[offsetof(Lanes, fresh) % sizeof(Bits) == 0 ? 1 : -1];
 
 /* Groups of lanes whose stages take turns: an operation of one need not wait for the one before, of the other. As many as the slopes of
    both leave room for in the first cache. */
@@ -257,6 +258,17 @@ static inline Vector quick_exp2(Vector x)
     const Vector near = x + 6755399441055744.0, r = (x - (near - 6755399441055744.0)) * 0.6931471805599453; /* 3/2 2^52 */
     const Vector power = (Vector)(((Bits)near + 1023) << 52);
     return power * (1.0 + r * (1.0 + r * (1.0 / 2 + r * (1.0 / 6 + r * (1.0 / 24 + r * (1.0 / 120 + r * (1.0 / 720 + r * (1.0 / 5040 + r * (1.0 / 40320 + r * (1.0 / 362880 + r * (1.0 / 3628800)))))))))));
+}
+
+static inline Vector root_of(Vector v)
+{
+    double roots[LANES];
+    int lane;
+    memcpy(roots, &v, sizeof roots);
+    for (lane = 0; lane < LANES; lane++)
+        roots[lane] = sqrt(roots[lane]);
+    memcpy(&v, roots, sizeof v);
+    return v;
 }
 
 #if HAS_INPUTS
@@ -390,12 +402,28 @@ static int reached(const Motions *all, Motion *m)
     return (size_t)m->s.done < all->n ? MORE : OK;
 }
 
-/* The next motion of the queue into a lane; those that end at once are left behind. */
+/* Does a motion that was never begun get its first slope together with other lanes? */
+static int starts_in_lanes(const Lanes *w, const Motion *m)
+{
+#if HAS_MANIFOLD
+    (void)w, (void)m;
+    return 0; /* invariants are asked for */
+#else
+#if HAS_INPUTS
+    if (w->called)
+        return 0;
+#endif
+    (void)w;
+    return m->s.next_step == 0.0;
+#endif
+}
+
+/* The next motion of the queue into a lane, where lanes_started begins it; those that end at once are left behind. */
 static void refill(const Motions *all, const Method *method, Lanes *w, int lane, size_t *queue)
 {
     Motion *const m = w->motion + lane;
     int i;
-    w->busy[lane] = 0;
+    w->busy[lane] = w->fresh[lane] = 0;
     while (*queue < all->rows && !w->busy[lane]) {
         const size_t row = (*queue)++;
         int status = begin(all, row, m, w->constants[lane]);
@@ -405,7 +433,10 @@ static void refill(const Motions *all, const Method *method, Lanes *w, int lane,
 #endif
             status = reached(all, m);
         }
-        if (status == MORE)
+        if (status == MORE && starts_in_lanes(w, m)) {
+            w->fresh[lane] = UINT64_MAX;
+            status = OK;
+        } else if (status == MORE)
             status = ready(&m->run, method, m->times[all->n - 1] - m->s.t);
         else if (status == OK) {
             finish(all, row, m, OK);
@@ -428,26 +459,33 @@ static void refill(const Motions *all, const Method *method, Lanes *w, int lane,
     }
 }
 
-/* The slope at states z, of the work too where it is `weighted`; lanes that are not plain become bad. */
-static inline void slopes(Lanes *w, const double *t, const double *z, int weighted, double *k)
+/* Before slopes at states z: inputs there. */
+static inline void lanes_fed(Lanes *w, const double *t, const double *z)
 {
 #if HAS_INPUTS
     if (w->tables)
         feed_lanes(w, t, z);
+#else
+    (void)w, (void)t, (void)z;
 #endif
+}
+
+/* The slope at states z, of the work too where it is `weighted`; lanes near a zero pivot become bad, and all that are not plain but where
+   steps have functions of their own: then lanes_plain says it. */
+static inline void slopes_fed(Lanes *w, const double *t, const double *z, int weighted, double *k)
+{
 #if HAS_LANES_SLOPE
     if (weighted) {
-        LANES_slope(t, z, w->u, w->p, w->c, k, k + NX * LANES, w->stray);
-        store(w->bad, vector(w->bad) + vector(w->stray));
+        LANES_slope(t, z, w->u, w->p, w->c, k, k + NX * LANES, w->bad);
         return;
     }
 #endif
 #if HAS_LANES_RATES
-    LANES_rates(t, z, w->u, w->p, w->c, k, w->stray);
+    LANES_rates(t, z, w->u, w->p, w->c, k, w->bad);
 #else
     LANES_dynamics(t, z, w->u, HAS_CONSTANTS ? w->c : w->p, k, w->stray);
-#endif
     store(w->bad, vector(w->bad) + vector(w->stray));
+#endif
 #if HAS_POWER
     store(k + NX * LANES, (Vector){0.0});
 #endif
@@ -460,9 +498,32 @@ static inline void slopes(Lanes *w, const double *t, const double *z, int weight
     (void)weighted;
 }
 
+static inline void slopes(Lanes *w, const double *t, const double *z, int weighted, double *k)
+{
+    lanes_fed(w, t, z);
+    slopes_fed(w, t, z, weighted, k);
+}
+
+/* Lanes where state z or its slope k, with the work, is not plain become bad. A stage that is not finite leaves none that is. */
+static inline void lanes_plain(Lanes *w, const double *t, const double *z, const double *k)
+{
+#if HAS_LANES_RATES
+    const Vector one = (Vector){0.0} + 1.0;
+    LANES_plain(t, z, w->u, w->p, w->c, k, k + NX * LANES, w->bad);
+    /* beyond all measure: angles of stages may have been too large */
+    store(w->bad, vector(w->bad) + either((Bits)(vector(w->now) > 1e9), one, one - one));
+#else
+    (void)w, (void)t, (void)z, (void)k;
+#endif
+}
+
 #if EXPLICIT_STAGES
-/* For the functions of a method, each row of its weights once: z = y + h times a sum over the slopes, or h times the sum alone. */
+/* For the functions of a method, each row of its weights once: z = y + h times a sum over the slopes, of the work too or
+   without it, as nobody asks for it inside of a step; or h times the sum alone. */
 #define SLOPE(j) vector(k + (j) * N * LANES + i)
+#define INSIDE(sum)                        \
+    for (i = 0; i < NX * LANES; i += LANES) \
+        store(z + i, vector(y + i) + vector(h) * (sum));
 #define MOVED(sum)                             \
     for (i = 0; i < MOVING * LANES; i += LANES) \
         store(z + i, vector(y + i) + vector(h) * (sum));
@@ -481,8 +542,7 @@ static inline void combine(const Tableau *m, int n, const Lanes *w, double *z)
 static inline void lanes_error(const Motions *all, Lanes *w, int errors)
 {
     Vector first = {0.0}, second = {0.0}, size;
-    double roots[LANES];
-    int i, lane;
+    int i;
     for (i = 0; i < MOVING; i++) {
         Vector extent = larger(size_of(vector(w->y + i * LANES)), size_of(vector(w->z + i * LANES))), scale, scaled;
 #if TURNING
@@ -497,16 +557,39 @@ static inline void lanes_error(const Motions *all, Lanes *w, int errors)
             second += scaled * scaled;
         }
     }
-    size = first + 0.01 * second;
-    memcpy(roots, &size, sizeof roots);
-    for (lane = 0; lane < LANES; lane++)
-        roots[lane] = sqrt(N * roots[lane]); /* first / N over the root of size / N */
-    memcpy(&size, roots, sizeof size);
+    size = root_of((double)N * (first + 0.01 * second)); /* first / N over the root of size / N */
     store(w->now, either((Bits)(first == 0.0), first, first / size));
 }
 
-/* One step of an explicit method in all lanes of the groups: z, next, and the error in units of the tolerance. */
-static inline void lanes_step(const Motions *all, const Tableau *m, Lanes *const *groups, int count)
+/* Slopes of stage n in all groups, two of them at a time where that is worth it. */
+static inline void lanes_stage(Lanes *const *groups, int count, int n, int weighted)
+{
+    int g;
+#if HAS_LANES_PAIRS && (HAS_LANES_SLOPE || !HAS_POWER)
+    if (count == 2) {
+        Lanes *const a = groups[0], *const b = groups[1];
+#if HAS_LANES_SLOPE
+        if (weighted) {
+            LANES_slope_pair(a->at, a->z, a->u, a->p, a->c, a->k[n], a->k[n] + NX * LANES, a->bad,
+                             b->at, b->z, b->u, b->p, b->c, b->k[n], b->k[n] + NX * LANES, b->bad);
+            return;
+        }
+#endif
+        LANES_rates_pair(a->at, a->z, a->u, a->p, a->c, a->k[n], a->bad, b->at, b->z, b->u, b->p, b->c, b->k[n], b->bad);
+#if HAS_LANES_SLOPE
+        for (g = 0; g < count; g++)
+            store(groups[g]->k[n] + NX * LANES, (Vector){0.0});
+#endif
+        return;
+    }
+#endif
+    for (g = 0; g < count; g++)
+        slopes_fed(groups[g], groups[g]->at, groups[g]->z, weighted, groups[g]->k[n]);
+}
+
+/* One step of an explicit method in all lanes of the groups: z, next, and the error in units of the tolerance. The last slope is left for
+   lanes_projected where it is `late`. */
+static inline void lanes_step(const Motions *all, const Tableau *m, int late, Lanes *const *groups, int count)
 {
     int g, n;
     for (g = 0; g < count; g++) {
@@ -518,16 +601,20 @@ static inline void lanes_step(const Motions *all, const Tableau *m, Lanes *const
         memcpy(w->z + NX * LANES, w->y + NX * LANES, LANES * sizeof(double));
 #endif
     }
-    for (n = 1; n <= m->stages; n++)
+    for (n = 1; n <= m->stages; n++) {
         for (g = 0; g < count; g++) {
             Lanes *const w = groups[g];
             combine(m, n - 1, w, w->z);
             store(w->at, vector(w->t) + m->c[n - 1] * vector(w->h));
-            slopes(w, w->at, w->z, m->weighted >> n & 1, w->k[n]);
+            if (n + late <= m->stages)
+                lanes_fed(w, w->at, w->z);
         }
+        if (n + late <= m->stages)
+            lanes_stage(groups, count, n, m->weighted >> n & 1);
+    }
     for (g = 0; g < count; g++) {
         Lanes *const w = groups[g];
-        memcpy(w->next, w->k[m->stages], sizeof w->next);
+        memcpy(w->next, w->k[m->stages - late], sizeof w->next);
         memset(w->now, 0, sizeof w->now);
         if (m->errors == 0 || all->step_size > 0.0)
             continue;
@@ -657,68 +744,103 @@ static inline void lanes_recentred(const Motions *all, Lanes *w)
 }
 #endif
 
-/* Evaluations that a step takes in each lane. */
-static inline Bits stages_of(const Method *method, const Lanes *w)
+/* Is the slope at the end of a step made once, behind the projection? Before it that of the stage before stands for it. */
+static inline int is_late(const Motions *all, const Method *method)
+{
+#if HAS_PROJECT && EXPLICIT_STAGES && !KINKS
+    return all->enforcement == PROJECTION && !method->prepare && ((const Tableau *)method->coefficients)->late;
+#else
+    (void)all, (void)method;
+    return 0;
+#endif
+}
+
+/* Evaluations that a step takes in each lane before it is projected. */
+static inline Bits stages_of(const Motions *all, const Method *method, const Lanes *w)
 {
 #if EXPLICIT_STAGES
     if (!method->prepare)
-        return bits(w->busy) & (uint64_t)((const Tableau *)method->coefficients)->stages;
+        return bits(w->busy) & (uint64_t)(((const Tableau *)method->coefficients)->stages - is_late(all, method));
 #endif
+    (void)all, (void)method;
 #if HAS_LANES_TAYLOR
-    (void)method;
     return bits(w->made) & 1;
 #endif
 }
 
 #if HAS_PROJECT
-/* Puts z of good lanes back on the constraints; slopes are computed again where that moved it. What does not converge becomes bad. */
-static inline void lanes_projected(Lanes *w)
+/* Puts z of these lanes back on the constraints. What does not converge becomes bad. Returns the lanes that were not within `close` of the
+   constraints before their last step: its error is the square of that. */
+static inline Bits lanes_closed(Lanes *w, Bits which, double close)
 {
-    double *const point = w->e, *const close = w->other;
-    Bits active = bits(w->good), moved = active ^ active;
+    double *const point = w->e, *const nearer = w->other;
+    Bits active = which, trusted = active ^ active;
+    Vector before = (Vector){0.0} + INFINITY;
     const Vector one = (Vector){0.0} + 1.0;
-    Vector before = (Vector){0.0} + INFINITY, jump = {0.0}, speed = {0.0}, move = {0.0};
     int i, n;
     memcpy(point, w->z, sizeof w->z);
     for (n = 0; n < PROJECT_MOST && any(active); n++) {
         Vector residual;
-        Bits plain;
-        LANES_project(w->end, point, w->u, w->p, close, w->stray, w->residual);
+        Bits met;
+        LANES_project(w->end, point, w->u, w->p, nearer, w->stray, w->residual);
         residual = vector(w->residual);
-        plain = (Bits)(vector(w->stray) == 0.0);
         store(w->bad, vector(w->bad) + either(active, vector(w->stray), residual - residual));
-        active &= plain;
+        active &= (Bits)(vector(w->stray) == 0.0);
         for (i = 0; i < NX; i++)
-            store(point + i * LANES, either(active, vector(close + i * LANES), vector(point + i * LANES)));
-        active &= ~((Bits)(residual <= PROJECT_TOLERANCE) | ((Bits)(residual >= 0.5 * before) & (Bits)(residual <= 1000.0 * PROJECT_TOLERANCE)));
+            store(point + i * LANES, either(active, vector(nearer + i * LANES), vector(point + i * LANES)));
+        met = (Bits)(residual <= PROJECT_TOLERANCE) | ((Bits)(residual >= 0.5 * before) & (Bits)(residual <= 1000.0 * PROJECT_TOLERANCE));
+        trusted |= active & ~met & (Bits)(residual <= close);
+        active &= ~(met | (Bits)(residual <= close));
         before = residual;
     }
-    store(w->bad, vector(w->bad) + either(active, (Vector){0.0} + 1.0, (Vector){0.0})); /* not converged */
-    for (i = 0; i < NX; i++) {
-        moved |= (Bits)(vector(point + i * LANES) != vector(w->z + i * LANES));
-        move = larger(move, size_of(vector(point + i * LANES) - vector(w->z + i * LANES)));
-    }
-    moved &= bits(w->good);
-    *(Bits *)w->moved = moved;
-    if (!any(moved))
-        return;
-    memcpy(w->z, point, NX * LANES * sizeof(double)); /* lanes that are not good are not looked at any more */
+    store(w->bad, vector(w->bad) + either(active, one, one - one)); /* not converged */
+    return trusted;
+}
+
+/* The slope at z, which a projection moved where it is `moved`; lanes that came to another branch by it become bad. */
+static inline void lanes_turned(Lanes *w, Bits moved, Bits wanted, Vector move)
+{
+    const Vector one = (Vector){0.0} + 1.0;
+    Vector jump = {0.0}, speed = {0.0};
+    int i;
     slopes(w, w->end, w->z, 1, w->k[0]);
+    lanes_plain(w, w->end, w->z, w->k[0]);
     for (i = 0; i < NQ; i++) {
         jump = larger(jump, size_of(vector(w->k[0] + i * LANES) - vector(w->next + i * LANES)));
         speed = larger(speed, size_of(vector(w->next + i * LANES)));
     }
     store(w->bad, vector(w->bad) + either(moved & (Bits)(jump > OTHER_BRANCH * speed) & (Bits)(jump > FAR_BEYOND * move), one, one - one));
     for (i = 0; i < N; i++)
-        store(w->next + i * LANES, either(moved, vector(w->k[0] + i * LANES), vector(w->next + i * LANES)));
-    *(Bits *)w->calls += moved & 1;
+        store(w->next + i * LANES, either(wanted, vector(w->k[0] + i * LANES), vector(w->next + i * LANES)));
+    *(Bits *)w->moved += wanted & 1;
+    *(Bits *)w->calls += wanted & 1;
+}
+
+/* These lanes on the constraints again, and the slope there: where that moved them, and where it is `late`, in all. */
+static inline Bits lanes_projected(Lanes *w, Bits which, int late, double close)
+{
+    const Bits trusted = lanes_closed(w, which, close);
+    Vector move = {0.0};
+    Bits moved = which ^ which;
+    int i;
+    for (i = 0; i < NX; i++) {
+        moved |= (Bits)(vector(w->e + i * LANES) != vector(w->z + i * LANES));
+        move = larger(move, size_of(vector(w->e + i * LANES) - vector(w->z + i * LANES)));
+    }
+    moved &= which;
+    memcpy(w->z, w->e, NX * LANES * sizeof(double)); /* lanes that are not good are not looked at any more */
+    if (any(late ? which : moved))
+        lanes_turned(w, moved, late ? which : moved, move);
+    return trusted;
 }
 #endif
 
 /* What constraints and guards say about z: violations, and lanes that the loop of one motion has to look at. */
 static inline void lanes_looked(Lanes *w)
 {
-#if HAS_CONSTRAINTS
+#if HAS_LANES_LOOKED
+    LANES_looked(w->end, w->z, w->u, w->p, w->violation, w->seen, w->stray);
+#elif HAS_CONSTRAINTS
     LANES_constraints(w->end, w->z, w->u, w->p, w->violation, w->stray);
     store(w->bad, vector(w->bad) + vector(w->stray));
 #endif
@@ -728,7 +850,9 @@ static inline void lanes_looked(Lanes *w)
     int i;
     for (i = 0; HAS_CONSTRAINTS && i < POSITION_ROWS; i++)
         drift = larger(drift, size_of(vector(w->violation + i * LANES)));
+#if !HAS_LANES_LOOKED
     LANES_guards(w->end, w->z, w->u, w->p, w->seen, w->stray);
+#endif
     bad = vector(w->bad) + vector(w->stray);
     for (i = 0; i < GUARDS; i++) {
         const Vector value = vector(w->seen + i * LANES), old = vector(w->guard + i * LANES), rate = vector(w->guard_rate + i * LANES);
@@ -742,6 +866,28 @@ static inline void lanes_looked(Lanes *w)
 #endif
     (void)w;
 }
+
+#if HAS_PROJECT
+/* Good lanes on the constraints, and what these say then. A step of Newton's method from within 1e-8 is trusted to end at rounding; where
+   the constraints do not say so there are more. */
+static inline void lanes_enforced(Lanes *w, int late)
+{
+    const Bits trusted = lanes_projected(w, bits(w->good), late, HAS_CONSTRAINTS ? 1e-8 : 0.0);
+    Vector most = {0.0}, size = (Vector){0.0} + 1.0;
+    Bits off;
+    int i;
+    lanes_looked(w);
+    for (i = 0; i < CONSTRAINT_ROWS; i++)
+        most = larger(most, size_of(vector(w->violation + i * LANES)));
+    for (i = 0; i < NX; i++)
+        size = larger(size, size_of(vector(w->z + i * LANES)));
+    off = trusted & ~(Bits)(most <= PROJECT_TOLERANCE * size) & (Bits)(vector(w->bad) == 0.0);
+    if (!any(off))
+        return;
+    lanes_projected(w, off, 0, 0.0);
+    lanes_looked(w);
+}
+#endif
 
 #if HAS_GUARDS && HAS_PROJECT
 /* Lanes that go by a singular position, as in is_passing: their steps are made by the loop of one motion. */
@@ -775,11 +921,13 @@ static inline void lanes_cubic(Lanes *w)
 
 #if EXPLICIT_STAGES
 /* By weights of the stages, some of which are made for it. */
-static inline void lanes_weighted(const Tableau *m, Lanes *w)
+static inline void lanes_weighted(const Tableau *m, int late, Lanes *w)
 {
     const int first = m->stages + m->errors;
     int n;
     memcpy(w->k[0], w->own, sizeof w->own);
+    if (late)
+        memcpy(w->k[m->stages], w->next, sizeof w->next);
     for (n = 0; n < m->extra; n++) {
         combine(m, first + n, w, w->e);
         store(w->at, vector(w->t) + m->c[m->stages + n] * vector(w->h));
@@ -802,7 +950,7 @@ static inline void lanes_dense(const Motions *all, const Method *method, Lanes *
 #endif
 #if EXPLICIT_STAGES
     if (((const Tableau *)method->coefficients)->degree)
-        lanes_weighted((const Tableau *)method->coefficients, w);
+        lanes_weighted((const Tableau *)method->coefficients, is_late(all, method), w);
     else
 #endif
         lanes_cubic(w);
@@ -853,19 +1001,74 @@ static inline void lanes_values(const Motions *all, Lanes *w, int j)
     }
 }
 
+#if EXPLICIT_STAGES
+/* A continuous output from what the step has made anyway: the polynomial of degree 5 through both ends and two slopes inside. */
+static inline void lanes_roughly(const Tableau *m, Lanes *w)
+{
+    const Vector h = vector(w->h);
+    int i, n;
+    w->degree = 5;
+    for (i = 0; i < NX * LANES; i += LANES) {
+        const Vector y = vector(w->y + i), z = vector(w->z + i), own = h * vector(w->own + i), next = h * vector(w->next + i);
+        const Vector first = h * vector(w->k[m->inside[0]] + i), third = h * vector(w->k[m->inside[1]] + i);
+        for (n = 0; n <= 5; n++) {
+            const double *const a = m->rough + 6 * n;
+            store(w->a[n] + i, (a[0] * y + a[1] * z) + (a[2] * own + a[3] * next) + (a[4] * first + a[5] * third));
+        }
+    }
+}
+
+/* In which lanes may something happen in the step? Values on that polynomial say in none where they stay away from zero by more than what the
+   cubic through both ends is off by in the middle, which is much more than it is off itself: no parabola through three of them comes
+   then near zero, either, for it leaves their range by an eighth of that at most. */
+static inline Bits lanes_suspect(const Motions *all, const Tableau *m, Lanes *w)
+{
+    const int count = EVENTS + all->events->count;
+    Vector off[EVENTS_MOST];
+    Bits seen = bits(w->good) ^ bits(w->good);
+    int j, k;
+    lanes_cubic(w);
+    lanes_values(all, w, EIGHTHS / 2);
+    for (k = 0; k < count; k++)
+        off[k] = vector(w->values[EIGHTHS / 2] + k * LANES);
+    lanes_roughly(m, w);
+    for (j = 0; j <= EIGHTHS; j++)
+        lanes_values(all, w, j);
+    for (k = 0; k < count; k++) {
+        const Vector sign = vector(w->signs + k * LANES), wrong = 4.0 * size_of(vector(w->values[EIGHTHS / 2] + k * LANES) - off[k]);
+        Vector least = sign * vector(w->values[0] + k * LANES), most = least;
+        for (j = 1; j <= EIGHTHS; j++) {
+            const Vector value = sign * vector(w->values[j] + k * LANES);
+            least = either((Bits)(value < least), value, least);
+            most = larger(value, most);
+            seen |= ~(Bits)(value > wrong);
+        }
+        seen |= ~(Bits)(least > 0.375 * most + 2.0 * wrong);
+    }
+    return seen & bits(w->good);
+}
+#endif
+
 /* Lanes where something may happen in the step become bad: the loop of one motion looks closer. What is asked is what it asks. */
 static inline void lanes_watched(const Motions *all, const Method *method, Lanes *w)
 {
     const int count = EVENTS + all->events->count;
     const Vector one = (Vector){0.0} + 1.0;
     Vector bad;
+    Bits suspect = bits(w->good);
     int j, k, lane;
-    lanes_dense(all, method, w);
-    for (j = 0; j <= EIGHTHS; j++)
-        lanes_values(all, w, j);
     for (lane = 0; lane < LANES; lane++)
         for (k = 0; k < count; k++)
             w->signs[k * LANES + lane] = w->busy[lane] ? (double)w->motion[lane].s.events->sign[k] : 1.0;
+#if EXPLICIT_STAGES
+    if (!method->prepare && ((const Tableau *)method->coefficients)->rough && !all->events->count)
+        suspect = lanes_suspect(all, (const Tableau *)method->coefficients, w);
+    if (!any(suspect))
+        return;
+#endif
+    lanes_dense(all, method, w);
+    for (j = 0; j <= EIGHTHS; j++)
+        lanes_values(all, w, j);
     bad = vector(w->bad);
     for (k = 0; k < count; k++) {
         const Vector sign = vector(w->signs + k * LANES);
@@ -884,7 +1087,7 @@ static inline void lanes_watched(const Motions *all, const Method *method, Lanes
     store(w->bad, bad);
 #if EXPLICIT_STAGES
     if (!method->prepare)
-        *(Bits *)w->calls += bits(w->good) & (Bits)(bad == 0.0) & (uint64_t)((const Tableau *)method->coefficients)->extra;
+        *(Bits *)w->calls += suspect & (Bits)(bad == 0.0) & (uint64_t)((const Tableau *)method->coefficients)->extra;
 #endif
 }
 
@@ -910,6 +1113,26 @@ static inline void lanes_kinked(Lanes *w)
 }
 #endif
 
+/* What constraints say of good lanes is remembered. */
+static inline void lanes_violated(Lanes *w, Bits good)
+{
+#if HAS_CONSTRAINTS
+    Vector position = vector(w->position_violation), velocity = vector(w->velocity_violation);
+    int i;
+    for (i = 0; i < CONSTRAINT_ROWS; i++) {
+        const Vector size = either(good, size_of(vector(w->violation + i * LANES)), position - position);
+        if (i < POSITION_ROWS)
+            position = larger(size, position);
+        else
+            velocity = larger(size, velocity);
+    }
+    store(w->position_violation, position);
+    store(w->velocity_violation, velocity);
+#else
+    (void)w, (void)good;
+#endif
+}
+
 /* Good lanes take their step. */
 static inline void lanes_accept(Lanes *w)
 {
@@ -928,20 +1151,7 @@ static inline void lanes_accept(Lanes *w)
         store(w->y + i * LANES, either(good, vector(w->z + i * LANES), vector(w->y + i * LANES)));
         store(w->own + i * LANES, either(good, vector(w->next + i * LANES), vector(w->own + i * LANES)));
     }
-#if HAS_CONSTRAINTS
-    {
-        Vector position = vector(w->position_violation), velocity = vector(w->velocity_violation);
-        for (i = 0; i < CONSTRAINT_ROWS; i++) {
-            const Vector size = either(good, size_of(vector(w->violation + i * LANES)), position - position);
-            if (i < POSITION_ROWS)
-                position = larger(size, position);
-            else
-                velocity = larger(size, velocity);
-        }
-        store(w->position_violation, position);
-        store(w->velocity_violation, velocity);
-    }
-#endif
+    lanes_violated(w, good);
 }
 
 /* Sizes of the next steps; lanes that are good have taken theirs, others but for those that have to be done alone take a shorter one.
@@ -1005,12 +1215,123 @@ static inline void lanes_begun(const Motions *all, Lanes *w, uint64_t *halted)
     *(Bits *)halted = stopped & bits(w->busy);
 }
 
+/* As norm has it of one, at y. */
+static inline Vector lanes_norm(const Motions *all, const Lanes *w, const double *values)
+{
+    Vector sum = {0.0};
+    int i;
+    for (i = 0; i < MOVING; i++) {
+        Vector extent = size_of(vector(w->y + i * LANES)), scaled;
+#if TURNING
+        if (i < NQ)
+            extent = larger(extent, vector(w->floor + i * LANES));
+#endif
+        scaled = vector(values + i * LANES) / (all->atol + all->rtol * extent);
+        sum += scaled * scaled;
+    }
+    return root_of(sum / (double)N);
+}
+
+/* First steps from y with slopes in w->k[0], as first_step has that of one. */
+static inline Vector lanes_first(const Motions *all, const Method *method, Lanes *w)
+{
+    const Vector one = (Vector){0.0} + 1.0, tiny = 1e-6 * one, span = vector(w->final) - vector(w->t);
+    const Vector size = lanes_norm(all, w, w->y), speed = lanes_norm(all, w, w->k[0]);
+    Vector h = either((Bits)(size < 1e-5) | (Bits)(speed < 1e-5), tiny, 0.01 * size / speed), bend, next;
+    double longest[LANES];
+    int i, lane;
+    h = either((Bits)(h < span), h, span);
+    for (i = 0; i < N; i++)
+        store(w->z + i * LANES, vector(w->y + i * LANES) + h * vector(w->k[0] + i * LANES));
+    store(w->at, vector(w->t) + h);
+    slopes(w, w->at, w->z, 1, w->other);
+    lanes_plain(w, w->at, w->z, w->other);
+    for (i = 0; i < N; i++)
+        store(w->e + i * LANES, vector(w->other + i * LANES) - vector(w->k[0] + i * LANES));
+    bend = larger(lanes_norm(all, w, w->e) / h, speed);
+    for (lane = 0; lane < LANES; lane++) /* to all digits: what one motion would start with */
+        longest[lane] = w->fresh[lane] ? pow(0.01 / bend[lane], 1.0 / method->order) : 0.0;
+    memcpy(&next, longest, sizeof next);
+    next = either((Bits)(bend <= 1e-15), larger(tiny, 1e-3 * h), next);
+    next = either((Bits)(next < 100.0 * h), next, 100.0 * h);
+    return either((Bits)(next < span), next, span);
+}
+
+/* What a start knows of good lanes: slopes in w->k[0], constraints and guards as lanes_looked left them. */
+static inline void lanes_entered(const Motions *all, Lanes *w, Bits good, Vector next)
+{
+    const Vector one = (Vector){0.0} + 1.0;
+    int i;
+    for (i = 0; i < N; i++)
+        store(w->own + i * LANES, either(good, vector(w->k[0] + i * LANES), vector(w->own + i * LANES)));
+    store(w->wanted, either(good, next, vector(w->wanted)));
+    store(w->error, either(good, 1e-4 * one, vector(w->error)));
+    store(w->last, either(good, -13.287712379549449 * one, vector(w->last))); /* log2 of that */
+#if HAS_GUARDS
+    for (i = 0; i < GUARDS; i++) {
+        const Vector value = vector(w->seen + i * LANES), size = vector(w->guard_size + i * LANES);
+        store(w->guard + i * LANES, either(good, value, vector(w->guard + i * LANES)));
+        store(w->guard_size + i * LANES, either(good, larger(size_of(value), size), size));
+    }
+#endif
+    lanes_violated(w, good);
+    (void)all;
+}
+
+/* Begins the motion of one lane: what is left of it where the lane is `good`. */
+static void lanes_begin(const Motions *all, const Method *method, Lanes *w, int lane, int good, size_t *queue)
+{
+    Motion *const m = w->motion + lane;
+    int status;
+    if (good)
+        status = events_begin(&m->run);
+    else
+        status = ready(&m->run, method, m->times[all->n - 1] - m->s.t);
+    if (status != OK) {
+        finish(all, w->row[lane], m, told(&m->run, status));
+        refill(all, method, w, lane, queue);
+    } else if (!good)
+        enter_lane(all, w, lane);
+}
+
+/* Slopes and first steps of lanes with motions that were never begun; what is not plain in one is begun as one motion. */
+static __attribute__((noinline)) void lanes_started(const Motions *all, const Method *method, Lanes *w, size_t *queue)
+{
+    const int sized = !(all->step_size > 0.0) && !method->prepare;
+    int lane;
+    do {
+        const Bits fresh = bits(w->fresh);
+        Vector next = (Vector){0.0} + all->step_size;
+        Bits good;
+        memset(w->bad, 0, sizeof w->bad);
+        memset(w->now, 0, sizeof w->now);
+        memcpy(w->z, w->y, sizeof w->z);
+        memcpy(w->end, w->t, sizeof w->end);
+        slopes(w, w->t, w->y, 1, w->k[0]);
+        lanes_plain(w, w->t, w->y, w->k[0]);
+        lanes_looked(w);
+        if (sized)
+            next = lanes_first(all, method, w);
+        else if (method->prepare && !(all->step_size > 0.0))
+            next = vector(w->final) - vector(w->t);
+        good = fresh & (Bits)(vector(w->bad) == 0.0);
+        lanes_entered(all, w, good, next);
+        *(Bits *)w->calls += good & (uint64_t)(1 + sized);
+        memset(w->fresh, 0, sizeof w->fresh);
+        for (lane = 0; lane < LANES; lane++)
+            if (fresh[lane] && (!good[lane] || all->events))
+                lanes_begin(all, method, w, lane, good[lane] != 0, queue);
+    } while (any(bits(w->fresh)));
+}
+
 /* Ends lanes that may not go on and refills them. Returns whether any is busy. */
 static int lanes_ready(const Motions *all, const Method *method, Lanes *w, size_t *queue)
 {
     uint64_t *const halted = w->met, busy = 0;
     int lane;
     for (;;) {
+        if (any(bits(w->fresh)))
+            lanes_started(all, method, w, queue);
 #if HAS_LANES_TAYLOR
         if (method->prepare)
             lanes_expanded(all, w);
@@ -1081,7 +1402,7 @@ static int alone(const Motions *all, const Method *method, Lanes *w, int lane)
     Motion *const m = w->motion + lane;
     int status = OK;
     leave_lane(w, lane);
-    m->s.calls -= (long)stages_of(method, w)[lane] + (w->moved[lane] != 0);
+    m->s.calls -= (long)stages_of(all, method, w)[lane] + (long)w->moved[lane];
 #if HAS_LANES_TAYLOR
     if (method->prepare && (status = prepared(all, method, w, lane)) != OK)
         return told(&m->run, status);
@@ -1104,6 +1425,8 @@ static inline void lanes_settled(const Motions *all, const Method *method, Lanes
 {
     uint64_t *const met = w->met;
     int lane;
+    if (!is_late(all, method))
+        lanes_plain(w, w->end, w->z, w->next);
 #if KINKS
     lanes_kinked(w);
 #endif
@@ -1113,12 +1436,13 @@ static inline void lanes_settled(const Motions *all, const Method *method, Lanes
 #endif
     memcpy(w->stray_now, w->bad, sizeof w->bad);
     *(Bits *)w->good = bits(w->busy) & (Bits)(vector(w->bad) == 0.0) & (Bits)(vector(w->now) <= 1.0);
-    *(Bits *)w->calls += bits(w->busy) & stages_of(method, w);
+    *(Bits *)w->calls += bits(w->busy) & stages_of(all, method, w);
 #if HAS_PROJECT
     if (all->enforcement == PROJECTION)
-        lanes_projected(w);
+        lanes_enforced(w, is_late(all, method));
+    else
 #endif
-    lanes_looked(w);
+        lanes_looked(w);
     *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
     if (all->events) {
         lanes_watched(all, method, w);
@@ -1153,7 +1477,7 @@ static inline void lanes_moved(const Motions *all, const Method *method, Lanes *
 #endif
 #if EXPLICIT_STAGES
     if (!method->prepare)
-        lanes_step(all, (const Tableau *)method->coefficients, groups, count);
+        lanes_step(all, (const Tableau *)method->coefficients, is_late(all, method), groups, count);
 #endif
 }
 

@@ -6,16 +6,23 @@ loops that compilers turn into vector instructions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 from codegen import text
+from codegen.passes.angles import Turn, spelled, turns
 from codegen.passes.lanes import (
+    CONSTRAINTS,
     DYNAMICS,
+    GUARDS,
     POWER,
+    SHORTER,
     STEPPED,
+    has_looked,
+    has_pairs,
     has_rates,
     has_slope,
     is_batched,
@@ -50,6 +57,7 @@ JOINED = 2_000
 # takes as long as four of them, and any that is late is made up for by one more
 ABREAST, EIGHT = (12, 11, 10, 9, 8, 7, 6, 5, 4), 8
 APART = 16  # places; results further from each other are looked at in two calls
+_CALL = re.compile(r"_sincos\((.*), &\w+, &\w+\);$")  # of a sine with its cosine in lanes
 FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512bw", "avx512vl")
 
 
@@ -107,6 +115,16 @@ class Body:
 
 
 @dataclass(frozen=True)
+class Moved:
+    """What steps of motions side by side call: kernels at once, each into a result of its own."""
+
+    name: str
+    parts: tuple[tuple[Body, str], ...]  # and the names of the results
+    guarded: bool  # may a pivot be near zero?
+    twice: bool = False  # also for two groups of lanes at a time
+
+
+@dataclass(frozen=True)
 class _Step:
     """Lines that belong together, the locals that they read and those that they make."""
 
@@ -142,7 +160,7 @@ def files(program: Program) -> dict[str, str]:
     ]
     batches = [_batch(program, kernel) for kernel in program.kernels if is_batched(kernel)]
     stepped = [
-        _body(program, kernel, _MANY) for kernel in side_by_side(program) if not is_batched(kernel)
+        _beside(program, kernel) for kernel in side_by_side(program) if not is_batched(kernel)
     ]
     short = [body for body in bodies if len(body.pieces) == 1 and not _is_apart(body)]
     data |= {"previous": PREVIOUS, "base": BASE}
@@ -171,7 +189,9 @@ def files(program: Program) -> dict[str, str]:
                     "batch.c.j2",
                     bodies=batches,
                     stepped=stepped,
-                    moved=_moved(program, [*batches, *stepped]),
+                    moved=_moved(program),
+                    looked=_looked(program),
+                    plain=_plain(program),
                     compared=_compared([*batches, *stepped]),
                     **data,
                 ),
@@ -180,7 +200,8 @@ def files(program: Program) -> dict[str, str]:
                     room=most_lanes(program),
                     bodies=batches,
                     stepped=stepped,
-                    moved=_moved(program, [*batches, *stepped]),
+                    moved=_moved(program),
+                    looked=_looked(program),
                     **data,
                 ),
             }
@@ -203,21 +224,216 @@ def _compared(bodies: Sequence[Body]) -> set[str]:
     return {name for name in ("LARGER", "SMALLER") if f"{name}(" in written}
 
 
-def _moved(program: Program, bodies: Sequence[Body]) -> dict[str, list[Body]]:
-    """What steps of motions call instead of dynamics, and of dynamics and power: names, and what
-    they are made of."""
-    named = {body.kernel.name: body for body in bodies}
-    rates = {"rates": [named[DYNAMICS]]} if has_rates(program) else {}
-    slope = {"slope": [named[DYNAMICS], named[POWER]]} if has_slope(program) else {}
-    return rates | slope
+def _moved(program: Program) -> list[Moved]:
+    """What steps of motions call instead of dynamics, and of dynamics and power."""
+    if not has_rates(program):
+        return []
+    rates = (_moving(program, DYNAMICS), "out")
+    found = [_at_once("rates", (rates,), has_pairs(program))]
+    if has_slope(program):
+        slope = (rates, (_moving(program, POWER, DYNAMICS), "power"))
+        found.append(_at_once("slope", slope, has_pairs(program)))
+    return found
+
+
+def _at_once(name: str, parts: tuple[tuple[Body, str], ...], twice: bool) -> Moved:
+    guarded = any(piece.guards for body, _ in parts for piece in body.pieces)
+    return Moved(name, parts, guarded, twice)
+
+
+def _beside(program: Program, kernel: Kernel) -> Body:
+    """What a step calls besides."""
+    return (
+        _moving(program, kernel.name, checked=True)
+        if kernel.name in SHORTER and not kernel.rolled
+        else _body(program, kernel, _MANY)
+    )
+
+
+def _looked(program: Program) -> Moved | None:
+    """Constraints and guards at once, where there are both."""
+    if not has_looked(program):
+        return None
+    first = _moving(program, CONSTRAINTS, checked=True)
+    second = _moving(program, GUARDS, CONSTRAINTS, checked=True)
+    return Moved("looked", ((first, "out"), (second, "seen")), guarded=True)
+
+
+def _moving(program: Program, name: str, before: str = "", checked: bool = False) -> Body:
+    """With shorter sines and cosines, those of sums from those of their parts. How large angles are
+    is looked at where it is `checked`; in dynamics that is done once for a step. Behind another
+    kernel what that has is made as it was there."""
+    kernel, constants = _taken(program, name)
+    (part,) = split(kernel).parts
+    loads, angles = part.loads, ()
+    if before:
+        (other,) = split(_taken(program, before)[0]).parts
+        loads = tuple(
+            dict.fromkeys((*loads, *(load for load in other.loads if load.argument == "x")))
+        )
+        angles = tuple(_spelled_angles(other))
+    given = {load.name for load in loads}
+    steps = list(_moving_steps(program, part, given, angles, checked))
+    body = _body(program, kernel, _MANY)
+    lines = _lines(kernel, replace(part, loads=loads), steps)
+    pieces = (replace(body.pieces[0], lines=tuple(lines)),)
+    return replace(body, pieces=pieces, constants=constants)
+
+
+def _spelled_angles(part: Part) -> list[Expression]:
+    values = {s.name: s.value for section in part.sections for s in section.statements}
+    angles = (angle for section in part.sections for angle in _angles(section))
+    return [spelled(angle, values) for angle in angles]
+
+
+def _plain(program: Program) -> list[Body]:
+    """What is looked at once for a step: angles that are not too large, and what has to be
+    finite."""
+    names = (DYNAMICS, POWER) if has_slope(program) else (DYNAMICS,) if has_rates(program) else ()
+    return [_looking(program, name) for name in names]
+
+
+def _looking(program: Program, name: str) -> Body:
+    """The angles of a kernel, and what they need."""
+    kernel, constants = _taken(program, name)
+    (part,) = split(kernel).parts
+    body = _body(program, kernel, _MANY)
+    steps: list[_Step] = []
+    for step in _steps(program, part, _MANY):
+        call = _CALL.search(step.lines[-1])
+        if call:
+            steps.append(_Step([_in_reach(program, call[1])], step.reads, ()))
+        steps.append(step)
+    kept = [step for step in _live(steps, set()) if step.reads or step.makes]
+    reads = {name for step in kept for name in step.reads}
+    loads = [line for name, line in _loads(part, _MANY).items() if name in reads]
+    if "t" in {*reads, *(name for name, _ in kernel.watched)}:
+        loads.insert(0, "const double t = t_[lane];")
+    lines = (*loads, *(line for step in kept for line in step.lines))
+    pieces = (replace(body.pieces[0], lines=lines, guards=()),)
+    return replace(body, pieces=pieces, constants=constants)
+
+
+def _taken(program: Program, name: str) -> tuple[Kernel, int]:
+    """As the loops over lanes take it: the constants of dynamics are precomputed."""
+    kernel = program.kernel(name)
+    return _rest(kernel) if name == DYNAMICS else (kernel, 0)
+
+
+def _live(steps: Sequence[_Step], wanted: set[str]) -> list[_Step]:
+    """Without those whose locals nobody reads."""
+    kept: list[_Step] = []
+    for step in reversed(steps):
+        if not step.makes or wanted & set(step.makes):
+            kept.insert(0, step)
+            wanted |= set(step.reads)
+    return kept
+
+
+def _lines(kernel: Kernel, part: Part, steps: Sequence[_Step]) -> Iterator[str]:
+    """As _far, without what is not read."""
+    results = [value for _, value in part.outputs if _stands(kernel, value)]
+    values = [*results, *(guard.value for guard in part.guards)]
+    values += [part.residual] if part.residual is not None else []
+    kept = _live(steps, {name for value in values for name in names(value)})
+    reads = {name for step in kept for name in step.reads} | {n for v in values for n in names(v)}
+    yield from (line for name, line in _loads(part, _MANY).items() if name in reads)
+    for step in kept:
+        yield from step.lines
+    yield ""
+    yield from (_output(kernel, i, _MANY) for i, value in part.outputs if _stands(kernel, value))
+    yield from _copied(kernel, part.copies, _MANY)
+
+
+def _moving_steps(
+    program: Program,
+    part: Part,
+    given: set[str],
+    before: Sequence[Expression],
+    checked: bool,
+) -> Iterator[_Step]:
+    """As _steps; sums of angles stand behind their parts, all of them at the first of them."""
+    statements = [s for section in part.sections for s in section.statements]
+    taken = {s.name for s in statements}
+    values = {s.name: s.value for s in statements}
+    for section in part.sections:
+        yield _Step(("", f"/* {text.comment(section.title)} */"), (), ())
+        own = _angles(section)
+        sums = turns(list(own), values, given, before) if own else []
+        more = [turn.angle for turn in sums if turn.angle not in own]
+        pairs = own | {angle: {"sin": _fresh("sine", taken)} for angle in more}
+        places = {angle: _pair(pair, taken) for angle, pair in pairs.items()}
+        together = [s for turn in sums for s in _turned(program, turn, places, values, checked)]
+        steps = {
+            next(iter(own[angle].values())): [_short(program, angle, places[angle], checked)]
+            for angle in own
+            if angle not in [turn.angle for turn in sums]
+        }
+        firsts = [next(iter(pair.values())) for pair in own.values()]
+        late = [name for name in firsts if name not in steps]
+        steps |= dict.fromkeys(late[:1], together)
+        for statement in section.statements:
+            if _is_turn(statement):
+                yield from steps.get(statement.name, ())
+                continue
+            line = f"const double {statement.name} = {_value(statement.value, _MANY)};"
+            yield _Step([line], list(names(statement.value)), [statement.name])
+
+
+def _turned(
+    program: Program,
+    turn: Turn,
+    places: Mapping[Expression, tuple[str, str]],
+    values: Mapping[str, Expression],
+    checked: bool,
+) -> Iterator[_Step]:
+    """The sine and the cosine of a sum of angles."""
+    sin, cos = places[turn.angle]
+    if not turn.of:
+        yield _short(program, spelled(turn.angle, values), places[turn.angle], checked)
+        return
+    (sin_a, cos_a), (sin_b, cos_b) = (places[angle] for angle in turn.of)
+    plus, minus = ("+", "-") if turn.sign > 0 else ("-", "+")
+    reads = (sin_a, cos_a, sin_b, cos_b)
+    yield _Step([f"const double {sin} = {sin_a} * {cos_b} {plus} {cos_a} * {sin_b};"], reads, [sin])
+    yield _Step(
+        [f"const double {cos} = {cos_a} * {cos_b} {minus} {sin_a} * {sin_b};"], reads, [cos]
+    )
+
+
+def _short(program: Program, angle: Expression, place: tuple[str, str], checked: bool) -> _Step:
+    sin, cos = place
+    value = _value(angle, _MANY)
+    lines = [
+        f"double {sin}, {cos};",
+        f"{program.name}_sincos_short({value}, &{sin}, &{cos});",
+        *([_in_reach(program, value)] if checked else []),
+    ]
+    return _Step(lines, list(names(angle)), place)
+
+
+def _in_reach(program: Program, value: str) -> str:
+    return f"bad += fabs({value}) <= {program.real.reach} ? 0.0 : 1.0;"
+
+
+def _pair(pair: dict[str, str], taken: set[str]) -> tuple[str, str]:
+    """Names of the sine and the cosine of an angle."""
+    first = next(iter(pair.values()))
+    sin, cos = (pair.get(name) or _fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
+    return sin, cos
 
 
 def _batch(program: Program, kernel: Kernel) -> Body:
     """For lanes constants are always precomputed where there are any."""
+    rest, constants = _rest(kernel)
+    return replace(_body(program, rest, _MANY), constants=constants)
+
+
+def _rest(kernel: Kernel) -> tuple[Kernel, int]:
+    """What is left behind the constants that are precomputed, and how many these are."""
     if not kernel.hoisted:
-        return _body(program, kernel, _MANY)
-    rest = replace(kernel.hoisted.rest, name=kernel.name)
-    return replace(_body(program, rest, _MANY), constants=kernel.hoisted.precompute.size)
+        return kernel, 0
+    return replace(kernel.hoisted.rest, name=kernel.name), kernel.hoisted.precompute.size
 
 
 def _loops(program: Program, kernel: Kernel, of: Rolled, style: _Style) -> Body:
@@ -332,7 +548,7 @@ def _piece(
     if part.taken or part.kept or any(i >= kernel.size for i, _ in part.outputs):
         uses.add("work")
     written = [i for i, value in part.outputs if i < kernel.size and _stands(kernel, value)]
-    uses |= {"out" if _beside(kernel, i) is None else "side" for i in written}
+    uses |= {"out" if _in_side(kernel, i) is None else "side" for i in written}
     uses |= {name for copy in part.copies for name in ("out", copy.argument)}
     if part.residual is not None:
         uses.add("residual")
@@ -542,12 +758,12 @@ def _output(kernel: Kernel, i: int, style: _Style) -> str:
         place = style.entry.format("work", i - kernel.size)
         return f"{place} = {_value(kernel.computed[i], style)};"
     note = text.comment(_note(kernel, i))
-    beside = _beside(kernel, i)
+    beside = _in_side(kernel, i)
     place = style.entry.format(*(("out", i) if beside is None else ("side", beside)))
     return f"{place} = {_value(kernel.outputs[i], style)};" + (f" /* {note} */" if note else "")
 
 
-def _beside(kernel: Kernel, i: int) -> int | None:
+def _in_side(kernel: Kernel, i: int) -> int | None:
     """Where an entry of a right-hand side stands while it is solved for."""
     of = kernel.solving
     if of is None or i < of.first * of.size:

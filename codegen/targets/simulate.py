@@ -26,7 +26,15 @@ from codegen.integrators import (
     Taylor,
 )
 from codegen.integrators.records import centred, collocated
-from codegen.passes.lanes import WATCHED, does_work, has_rates, has_slope, side_by_side
+from codegen.passes.lanes import (
+    WATCHED,
+    does_work,
+    has_looked,
+    has_pairs,
+    has_rates,
+    has_slope,
+    side_by_side,
+)
 from codegen.passes.taylor import HIGHEST, faster_from, in_pieces, series_in_lanes
 from codegen.program import CALLED, Chart, Program
 from codegen.reals import Real, recast
@@ -280,6 +288,8 @@ def _flags(
         "HAS_CHOICES": int(bool(program.charts)),
         "HAS_LANES": int(bool(side_by_side(program))),
         "HAS_LANES_RATES": int(has_rates(program)),
+        "HAS_LANES_LOOKED": int(has_looked(program)),
+        "HAS_LANES_PAIRS": int(has_pairs(program)),
         "HAS_LANES_SLOPE": int(has_slope(program)),
         "HAS_LANES_EVENTS": int(any(k.name == WATCHED for k in side_by_side(program))),
         "HAS_LANES_TAYLOR": int(bool(_highest(chosen)) and series_in_lanes(program)),
@@ -478,18 +488,15 @@ def _sums(method: Tableau) -> list[str]:
     extra = len(method.dense.c) if method.dense else 0
     stages, errors = len(method.a) - 1, len(method.errors)
     powers = stages + errors + extra
-    moved = {*range(stages), *range(stages + errors, powers), powers}
+    inside = {*range(stages - 1), *range(stages + errors, powers)}  # where nobody asks for the work
+    macros = {n: "INSIDE" if n in inside else "MOVED" for n in (*inside, stages - 1, powers)}
     return [
         f"static void {method.name}_sums(int n, const double *restrict k, "
         "const double *restrict h, const double *restrict y, double *restrict z)",
         "{",
         "    int i;",
         "    switch (n) {",
-        *(
-            line
-            for n, row in enumerate(terms)
-            for line in _sum(n, row, "MOVED" if n in moved else "CHANGE")
-        ),
+        *(line for n, row in enumerate(terms) for line in _sum(n, row, macros.get(n, "CHANGE"))),
         "    }",
         "}",
     ]
@@ -521,15 +528,59 @@ def _tableau(method: Tableau, lanes: bool) -> list[str]:
     stages, name = len(method.c) - 1, method.name
     weighted = sum(1 << n for n in used | {stages})
     weights = [number(weight) for row in terms for _, weight in row]
+    (a, b), rough = _insides(method) if method.dense else (0, 0), "NULL"
+    through: list[str] = []
+    if lanes and method.dense:
+        rough = f"{name}_rough[0]"
+        rows = (_list(row) for row in _rough(method.c[a], method.c[b]))
+        through = [f"static const double {name}_rough[6][6] = {{{', '.join(rows)}}};"]
     return [
+        *through,
         f"static const double {name}_c[] = {_list((*method.c[1:], *dense.c))};",
         f"static const int {name}_row[] = {_listed(starts)};",
         f"static const unsigned char {name}_at[] = {_listed(j for row in terms for j, _ in row)};",
         f"static const double {name}_weight[] = {_listed(weights)};",
         f"static const Tableau {name} = {{{stages}, {len(method.errors)}, {weighted}ul, "
         f"{name}_c, {name}_row, {name}_at, {name}_weight, {len(dense.c)}, {len(dense.powers)}"
-        f"{f', {name}_sums' if lanes else ''}}};",
+        f"{f', {name}_sums, {int(_is_late(method))}, {{{a}, {b}}}, {rough}' if lanes else ''}}};",
     ]
+
+
+def _insides(method: Tableau) -> tuple[int, int]:
+    """The stages that the step is made of nearest to its first and to its third quarter."""
+    used = [j for j, weight in enumerate(method.a[-1]) if weight and 0 < method.c[j] < 1]
+    first, third = (min(used, key=lambda j: abs(method.c[j] - Fraction(k, 4))) for k in (1, 3))
+    return first, third
+
+
+def _rough(first: Fraction, third: Fraction) -> list[list[Fraction]]:
+    """The polynomial of degree 5 through both ends of a step, with their slopes and those of two
+    stages: its powers of sigma = 2 theta - 1 from y, z and h times the slopes."""
+    places = [Fraction(-1), Fraction(1)]
+    slopes = [*places, 2 * first - 1, 2 * third - 1]
+    rows = [[place**n for n in range(6)] for place in places]
+    rows += [[n * place ** (n - 1) if n else Fraction(0) for n in range(6)] for place in slopes]
+    scales = [Fraction(1)] * 2 + [Fraction(1, 2)] * 4  # a slope by sigma is half of one by theta
+    unit = [[scales[i] if i == k else Fraction(0) for k in range(6)] for i in range(6)]
+    return _solved([row + right for row, right in zip(rows, unit)])
+
+
+def _solved(rows: list[list[Fraction]]) -> list[list[Fraction]]:
+    """The right halves, by Gauss and Jordan."""
+    count = len(rows)
+    for i in range(count):
+        pivot = next(k for k in range(i, count) if rows[k][i])
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        rows[i] = [value / rows[i][i] for value in rows[i]]
+        for k in range(count):
+            if k != i:
+                rows[k] = [a - rows[k][i] * b for a, b in zip(rows[k], rows[i])]
+    return [row[count:] for row in rows]
+
+
+def _is_late(method: Tableau) -> bool:
+    """Whether the last slope counts in no error, and the one before it is at the end, too."""
+    return method.c[-2] == 1 and not any(row[-1] for row in method.errors)
 
 
 def _listed(values: Iterable[object]) -> str:

@@ -105,14 +105,26 @@ def _number(kind: str, name: str | None, known: Sequence[str]) -> int:
     return 0 if name is None else known.index(name)
 
 
+def _explained(error: ValueError, given: Mapping[str, Any], t: np.ndarray) -> ValueError:
+    """Which arguments do not go together, where that is what is wrong."""
+    if "broadcast" not in str(error):
+        return error
+    axes = {name: np.shape(value)[:-1] for name, value in given.items()} | {"t": t.shape[:-1]}
+    said = ", ".join(f"{name} {shape}" for name, shape in axes.items() if shape)
+    return ValueError(f"simulate() needs leading axes that broadcast together, got {said}")
+
+
 def _found(facts: Facts, backend: Backend, request: Request) -> tuple[Simulation, list[str]]:
     """Motions, and what there is to say about them."""
     start, t = _times(facts, request)
     method, how = _how(facts, request)
     inputs = _source(facts, request, method, start, t[..., -1])
     p = facts.parameters(request.p)
-    given, lead = facts.shared.prepare("dynamics", start, request.x, inputs.constant, p)
-    lead = np.broadcast_shapes(lead, t.shape[:-1], inputs.lead)
+    try:
+        given, lead = facts.shared.prepare("dynamics", start, request.x, inputs.constant, p)
+        lead = np.broadcast_shapes(lead, t.shape[:-1], inputs.lead)
+    except ValueError as error:
+        raise _explained(error, {"x": request.x, "u": inputs.constant, "p": p}, t) from None
     by = Integration(
         facts,
         backend,

@@ -20,8 +20,16 @@ void four_bar_project_lanes(const double *t, const double *x, const double *u, c
 void four_bar_power_lanes(const double *t, const double *x, const double *u, const double *p, double *out, double *stray);
 void four_bar_guards_lanes(const double *t, const double *x, const double *u, const double *p, double *out, double *stray);
 void four_bar_dynamics_lanes(const double *t, const double *x, const double *u, const double *c, double *out, double *stray);
-/* For steps of motions: dynamics, with sines and cosines to 2.3e-16; with the power, too. */
+/* Constraints and guards at once. */
+void four_bar_looked_lanes(const double *t, const double *x, const double *u, const double *p, double *out, double *seen, double *stray);
+/* For steps of motions: dynamics, with sines and cosines to 2.3e-16 and those of sums from them; with the power, too. What is not plain is
+   added to stray: pivots by these, angles and what is not finite by `plain`, from results of theirs. `pair` does two groups of lanes. */
 void four_bar_rates_lanes(const double *t, const double *x, const double *u, const double *p, const double *c, double *out, double *stray);
+void four_bar_rates_pair(const double *t0, const double *x0, const double *u0, const double *p0, const double *c0, double *out0, double *stray0,
+    const double *t1, const double *x1, const double *u1, const double *p1, const double *c1, double *out1, double *stray1);
 void four_bar_slope_lanes(const double *t, const double *x, const double *u, const double *p, const double *c, double *out, double *power, double *stray);
+void four_bar_slope_pair(const double *t0, const double *x0, const double *u0, const double *p0, const double *c0, double *out0, double *power0, double *stray0,
+    const double *t1, const double *x1, const double *u1, const double *p1, const double *c1, double *out1, double *power1, double *stray1);
+void four_bar_plain_lanes(const double *t, const double *x, const double *u, const double *p, const double *c, const double *out, const double *power, double *stray);
 
 #endif

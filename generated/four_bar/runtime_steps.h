@@ -29,6 +29,9 @@ typedef struct {
 #if HAS_LANES
     /* row n with slopes k of several motions side by side, into z */
     void (*sums)(int n, const double *k, const double *h, const double *y, double *z);
+    int late; /* the last slope counts in no error, and the one before is at the end, too: it can wait for the projection */
+    int inside[2]; /* stages inside of the step, for a polynomial without further ones: its powers by y, z and the slopes at both ends and there */
+    const double *rough;
 #endif
 } Tableau;
 

@@ -79,6 +79,7 @@ class Queue:
         self.rows_out = facts.rows_to_come(rows, arrays["times"].shape[-1])
         self.ends = np.zeros(rows, facts.end)
         self.ends["status"] = Status.MORE
+        self.interrupted = False
         self.log, self.numbers = Log(), np.arange(rows)
         self.signs = np.zeros((rows, len(by.watch.names) if by.watch else 0), "i")
 
@@ -123,7 +124,10 @@ class Queue:
 
     def _empty(self, buffers: Buffers, simulations: np.ndarray, first: int) -> None:
         """Takes events out; a motion whose room ended goes on by itself."""
-        for place in range(len(simulations)):
+        ended = self.ends["status"][first : first + len(simulations)] == Status.FULL
+        others = np.flatnonzero(~ended)
+        self.log.take_many(buffers, others, self.numbers[first + others])
+        for place in np.flatnonzero(ended).tolist():
             row = first + place
             status = self.ends["status"][row]
             if self.log.emptied(buffers, place, self.numbers[row], status) != status:
@@ -177,10 +181,11 @@ class Queue:
         parts = self._one_by_one if by.backend.batch is None else self._all_at_once
         try:
             for reached in parts():
+                done = reached
                 if by.progress is not None:
                     by.progress(reached)
-                done = reached
         except KeyboardInterrupt:
+            self.interrupted = True
             part = f"{done} of {self.rows} motions"
             by.remarks.append(f"{by.facts.name}.simulate: interrupted after {part}")
         return done
@@ -326,7 +331,10 @@ def _shaped(value: np.ndarray, lead: Lead) -> np.ndarray:
 
 def _remark(queue: Queue, error: Any) -> None:
     """How many motions ended early, and why the first of them did."""
-    failed = np.flatnonzero(~np.isin(queue.ends["status"], (Status.OK, Status.EVENT)))
+    ends = queue.ends
+    failed = np.flatnonzero(~np.isin(ends["status"], (Status.OK, Status.EVENT)))
+    if queue.interrupted:  # those that were never begun are counted elsewhere
+        failed = failed[(ends["steps"] + ends["rejected"])[failed] > 0]
     if not failed.size:
         return
     facts, watch = queue.by.facts, queue.by.watch

@@ -113,7 +113,7 @@ INLINE double snake3_sincos(double x, double *restrict sin_x, double *restrict c
 }
 
 /* The same with fewer operations, for steps of motions: r alone is what is left of x. Errors are below 2.3e-16 for |x| <= 1e5. */
-INLINE double snake3_sincos_short(double x, double *restrict sin_x, double *restrict cos_x)
+INLINE void snake3_sincos_short(double x, double *restrict sin_x, double *restrict cos_x)
 {
     const double round = 0x1.8p52;
     const double near = x * 0x1.45f306dc9c883p-1 + round, k = near - round;
@@ -132,7 +132,6 @@ INLINE double snake3_sincos_short(double x, double *restrict sin_x, double *rest
     two ^= swap ^ (((n + 1) & 2) << 62);
     memcpy(sin_x, &one, sizeof one);
     memcpy(cos_x, &two, sizeof two);
-    return fabs(x) <= 1e5 ? 0.0 : 1.0;
 }
 
 void snake3_constraints_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict p,
@@ -149,9 +148,11 @@ void snake3_constraints_lanes(const double *restrict t_, const double *restrict 
 
         /* angles: their sines and cosines, all together */
         double sin_phi1, cos_phi1;
-        bad += snake3_sincos(phi1, &sin_phi1, &cos_phi1);
+        snake3_sincos_short(phi1, &sin_phi1, &cos_phi1);
+        bad += fabs(phi1) <= 1e5 ? 0.0 : 1.0;
         double sin_phi2, cos_phi2;
-        bad += snake3_sincos(phi2, &sin_phi2, &cos_phi2);
+        snake3_sincos_short(phi2, &sin_phi2, &cos_phi2);
+        bad += fabs(phi2) <= 1e5 ? 0.0 : 1.0;
 
         /* violation: constraint violation: φ(q, t), then A v − c row by row */
         const double z1 = l / 2.0;
@@ -219,7 +220,6 @@ void snake3_rates_lanes(const double *restrict t_, const double *restrict x, con
 {
     int lane;
     for (lane = 0; lane < LANES; lane++) {
-        double bad = 0.0;
         const double th = x[2 * LANES + lane];
         const double phi1 = x[3 * LANES + lane];
         const double phi2 = x[4 * LANES + lane];
@@ -236,11 +236,11 @@ void snake3_rates_lanes(const double *restrict t_, const double *restrict x, con
 
         /* angles: their sines and cosines, all together */
         double sin_th, cos_th;
-        bad += snake3_sincos_short(th, &sin_th, &cos_th);
+        snake3_sincos_short(th, &sin_th, &cos_th);
         double sin_phi1, cos_phi1;
-        bad += snake3_sincos_short(phi1, &sin_phi1, &cos_phi1);
+        snake3_sincos_short(phi1, &sin_phi1, &cos_phi1);
         double sin_phi2, cos_phi2;
-        bad += snake3_sincos_short(phi2, &sin_phi2, &cos_phi2);
+        snake3_sincos_short(phi2, &sin_phi2, &cos_phi2);
 
         /* S: generalized velocities per quasi-velocity, v = S w + R c */
         const double z1 = sin_phi1 * c2;
@@ -302,13 +302,8 @@ void snake3_rates_lanes(const double *restrict t_, const double *restrict x, con
         out[4 * LANES + lane] = v_5; /* der(phi2), rad/s */
         out[5 * LANES + lane] = z38; /* der(v), m/s^2 */
         out[6 * LANES + lane] = z39; /* der(om), rad/s^2 */
-        stray[lane] = bad + ((0.0 * x[0 * LANES + lane] + 0.0 * out[1 * LANES + lane] + 0.0 * out[5 * LANES + lane]) + (0.0 * x[1 * LANES + lane] + 0.0 * out[3 * LANES + lane] + 0.0 * out[6 * LANES + lane]) + (0.0 * out[0 * LANES + lane] + 0.0 * out[4 * LANES + lane]));
     }
-    (void)t_;
-    (void)x;
-    (void)u;
-    (void)p;
-    (void)c;
+    (void)t_, (void)x, (void)u, (void)p, (void)c, (void)stray;
 }
 
 /* For steps of motions, dynamics and power at once: what both need is computed once. */
@@ -317,7 +312,6 @@ void snake3_slope_lanes(const double *restrict t_, const double *restrict x, con
 {
     int lane;
     for (lane = 0; lane < LANES; lane++) {
-        double bad = 0.0;
         const double th = x[2 * LANES + lane];
         const double phi1 = x[3 * LANES + lane];
         const double phi2 = x[4 * LANES + lane];
@@ -334,11 +328,11 @@ void snake3_slope_lanes(const double *restrict t_, const double *restrict x, con
 
         /* angles: their sines and cosines, all together */
         double sin_th, cos_th;
-        bad += snake3_sincos_short(th, &sin_th, &cos_th);
+        snake3_sincos_short(th, &sin_th, &cos_th);
         double sin_phi1, cos_phi1;
-        bad += snake3_sincos_short(phi1, &sin_phi1, &cos_phi1);
+        snake3_sincos_short(phi1, &sin_phi1, &cos_phi1);
         double sin_phi2, cos_phi2;
-        bad += snake3_sincos_short(phi2, &sin_phi2, &cos_phi2);
+        snake3_sincos_short(phi2, &sin_phi2, &cos_phi2);
 
         /* S: generalized velocities per quasi-velocity, v = S w + R c */
         const double z1 = sin_phi1 * c2;
@@ -411,9 +405,9 @@ void snake3_slope_lanes(const double *restrict t_, const double *restrict x, con
 
             /* angles: their sines and cosines, all together */
             double sin_phi1, cos_phi1;
-            bad += snake3_sincos_short(phi1, &sin_phi1, &cos_phi1);
+            snake3_sincos_short(phi1, &sin_phi1, &cos_phi1);
             double sin_phi2, cos_phi2;
-            bad += snake3_sincos_short(phi2, &sin_phi2, &cos_phi2);
+            snake3_sincos_short(phi2, &sin_phi2, &cos_phi2);
 
             /* power: power of forces without potential: d(T + V)/dt */
             const double z1 = 2.0 * v;
@@ -424,15 +418,37 @@ void snake3_slope_lanes(const double *restrict t_, const double *restrict x, con
             const double z6 = tau2 * z5 - tau1 * ((1.0 + cos_phi1) * om + z3 * z1);
 
             power[0 * LANES + lane] = z6; /* power, W */
+        }
+    }
+    (void)t_, (void)x, (void)u, (void)p, (void)c, (void)stray;
+}
+
+/* Whether a state is plain, and what was computed of it: no angle too large, all finite. */
+void snake3_plain_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict p,
+    const double *restrict c, const double *restrict out, const double *restrict power, double *restrict stray)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        double bad = 0.0;
+        {
+            const double th = x[2 * LANES + lane];
+            const double phi1 = x[3 * LANES + lane];
+            const double phi2 = x[4 * LANES + lane];
+            bad += fabs(th) <= 1e5 ? 0.0 : 1.0;
+            bad += fabs(phi1) <= 1e5 ? 0.0 : 1.0;
+            bad += fabs(phi2) <= 1e5 ? 0.0 : 1.0;
+            bad += (0.0 * x[0 * LANES + lane] + 0.0 * out[1 * LANES + lane] + 0.0 * out[5 * LANES + lane]) + (0.0 * x[1 * LANES + lane] + 0.0 * out[3 * LANES + lane] + 0.0 * out[6 * LANES + lane]) + (0.0 * out[0 * LANES + lane] + 0.0 * out[4 * LANES + lane]);
+        }
+        {
+            const double phi1 = x[3 * LANES + lane];
+            const double phi2 = x[4 * LANES + lane];
+            bad += fabs(phi1) <= 1e5 ? 0.0 : 1.0;
+            bad += fabs(phi2) <= 1e5 ? 0.0 : 1.0;
             bad += (0.0 * x[0 * LANES + lane] + 0.0 * p[0 * LANES + lane] + 0.0 * power[0 * LANES + lane]) + (0.0 * x[1 * LANES + lane] + 0.0 * p[1 * LANES + lane]) + (0.0 * x[2 * LANES + lane] + 0.0 * p[2 * LANES + lane]);
         }
-        stray[lane] = bad + ((0.0 * x[0 * LANES + lane] + 0.0 * out[1 * LANES + lane] + 0.0 * out[5 * LANES + lane]) + (0.0 * x[1 * LANES + lane] + 0.0 * out[3 * LANES + lane] + 0.0 * out[6 * LANES + lane]) + (0.0 * out[0 * LANES + lane] + 0.0 * out[4 * LANES + lane]));
+        stray[lane] += bad;
     }
-    (void)t_;
-    (void)x;
-    (void)u;
-    (void)p;
-    (void)c;
+    (void)t_, (void)x, (void)u, (void)p, (void)c, (void)out, (void)power;
 }
 
 void snake3_dynamics_lanes(const double *restrict t_, const double *restrict x, const double *restrict u, const double *restrict c,

@@ -18,8 +18,10 @@ enum { LANES = 4 };
 void snake3_constraints_lanes(const double *t, const double *x, const double *u, const double *p, double *out, double *stray);
 void snake3_power_lanes(const double *t, const double *x, const double *u, const double *p, double *out, double *stray);
 void snake3_dynamics_lanes(const double *t, const double *x, const double *u, const double *c, double *out, double *stray);
-/* For steps of motions: dynamics, with sines and cosines to 2.3e-16; with the power, too. */
+/* For steps of motions: dynamics, with sines and cosines to 2.3e-16 and those of sums from them; with the power, too. What is not plain is
+   added to stray: pivots by these, angles and what is not finite by `plain`, from results of theirs. `pair` does two groups of lanes. */
 void snake3_rates_lanes(const double *t, const double *x, const double *u, const double *p, const double *c, double *out, double *stray);
 void snake3_slope_lanes(const double *t, const double *x, const double *u, const double *p, const double *c, double *out, double *power, double *stray);
+void snake3_plain_lanes(const double *t, const double *x, const double *u, const double *p, const double *c, const double *out, const double *power, double *stray);
 
 #endif

@@ -158,6 +158,32 @@ def test_each_of_many_motions_has_its_own(spring: ModuleType, integrator: str) -
         np.testing.assert_array_equal(many.events.which[mine], one.events.which)
 
 
+@pytest.mark.parametrize("rtol", [1e-6, 1e-11])
+@pytest.mark.parametrize("integrator", ["dop853", "verner9", "dopri5"])
+def test_what_hardly_happens_is_seen_in_lanes(
+    spring: ModuleType, integrator: str, rtol: float
+) -> None:
+    """Levels that a motion comes just up to, and just beyond for less than a step: the first look
+    of lanes, at a rougher polynomial, leaves out no event that one motion has."""
+    beyond = np.concatenate([-np.logspace(-9, -1, 9), np.logspace(-9, -1, 23)])
+    x = np.stack([np.full(32, 0.1), np.sqrt((0.5 + beyond) ** 2 - 0.01)], axis=-1)
+    how = {"integrator": integrator, "rtol": rtol, "atol": rtol / 100}
+    many = spring.simulate((0.0, 19.0), x, **how)
+    happened = 0
+    for k in range(32):
+        one, mine = spring.simulate((0.0, 19.0), x[k], **how), many.events.row == k
+        np.testing.assert_array_equal(many.events.which[mine], one.events.which)
+        happened += int((one.events.which == 1).sum())
+    assert 0 < happened < 32 * 3
+
+
+def test_a_first_look_takes_no_slopes(spring: ModuleType) -> None:
+    """Where nothing is near, the stages of the continuous output are not made."""
+    x = np.tile([0.1, 0.1], (8, 1))
+    many = spring.simulate((0.0, 1.0), x, integrator="verner9", step_size=0.05)
+    assert (many.calls <= 1 + 16 * 20).all()
+
+
 def test_events_between_samples_of_a_controller(spring: ModuleType) -> None:
     """A switching force; sign changes just at a sample are not lost."""
 

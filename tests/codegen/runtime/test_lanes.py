@@ -22,7 +22,7 @@ from derive.formulations import equations
 from derive.model import load
 from derive.states import system
 from hamel.build.module import published
-from tests.scenes import MODELS, derived
+from tests.scenes import MODELS, derived, equations_of_text
 from tests.toy import circle
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -31,6 +31,11 @@ STEPS = {"rk4": 0.01}
 # The weights of verner9's error estimate are large: in short steps it is rounding, and moves the
 # sizes of the steps after it, so that two loops agree to the tolerance only.
 AGREES = {"verner9": (1e-6, 1e-8)}
+WOUND = """model: wound
+coordinates: {q: rad}
+kinetic: 1 kg*m^2*der(q)^2/2
+potential: 1 J*cos(q) + 1e-9 J*q^2/2
+"""
 PAIRS = [
     (name, enforcement)
     for name, enforcements in {
@@ -149,6 +154,30 @@ def test_a_motion_that_fails_fails_alone(modules: dict[str, ModuleType], integra
     assert not found.status[others].any()
 
 
+def test_angles_that_are_too_large_go_alone(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A spring sees the turns of this angle: nothing takes them out. Shorter sines are right up to
+    1e5 rad; beyond, a lane is done by the loop for one motion."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    made = program(equations_of_text(WOUND), None, ("dop853",))
+    module = loader.load(published(made, tmp_path / "wound").folder)
+    x = np.array([[angle, 0.3] for angle in (0.5, 9.9e4, 1.1e5, 3e15)])
+    found = module.simulate((0.0, 0.5), x, rtol=1e-9, atol=1e-9)
+    for k in range(4):
+        one = module.simulate((0.0, 0.5), x[k], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(found.x[k, :, 1], one.x[:, 1], rtol=1e-12, atol=1e-13)
+
+
+def test_a_projected_step_takes_its_last_slope_once(modules: dict[str, ModuleType]) -> None:
+    """Behind the projection: twelve slopes a step of DOP853, where one motion takes thirteen."""
+    module, x = modules["four_bar"], starts("four_bar", 8)
+    how = {"integrator": "dop853", "step_size": 0.01, "enforcement": "projection"}
+    many, one = module.simulate((0.0, 0.2), x, **how), module.simulate((0.0, 0.2), x[0], **how)
+    assert many.steps[0] == one.steps == 20
+    assert many.calls[0] == 1 + 12 * 20 and one.calls == 1 + 13 * 20
+    np.testing.assert_allclose(many.x[0], one.x, rtol=1e-13, atol=1e-13)
+    assert np.abs(module.constraints(0.2, many.x[:, -1])).max() < 1e-14
+
+
 @pytest.mark.parametrize("integrator", ["dop853", SERIES])
 def test_each_has_its_own_end(modules: dict[str, ModuleType], integrator: str) -> None:
     """Start and end by row, and states, inputs and parameters that broadcast."""
@@ -212,6 +241,8 @@ def test_bad_arguments(modules: dict[str, ModuleType]) -> None:
     ):
         with pytest.raises(ValueError, match=r"needs|broadcast"):
             module.simulate(**{"x": x, **given})
+    with pytest.raises(ValueError, match=r"broadcast together, got x \(4,\), u \(5,\)"):
+        module.simulate((0.0, 1.0), x, np.zeros((5, 1)))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert module.simulate((0.0, 1.0), x[:0]).x.shape == (0, 2, 2)
@@ -226,9 +257,11 @@ def test_progress_and_interrupts(modules: dict[str, ModuleType]) -> None:
     def stop(done: int) -> None:
         raise KeyboardInterrupt
 
-    with pytest.warns(RuntimeWarning, match="interrupted after|ended early"):
+    with pytest.warns(RuntimeWarning, match="interrupted after") as warned:
         part = module.simulate((0.0, 0.1), x, progress=stop)
     done = part.status == 0
+    said = [str(warning.message) for warning in warned]
+    assert len(said) == 1 and f"after {done.sum()} of 300" in said[0]  # not that others failed
     assert (
         0 < done.sum() < 300 and np.isfinite(part.x[done]).all() and np.isnan(part.x[~done]).all()
     )

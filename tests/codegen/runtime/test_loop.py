@@ -237,7 +237,7 @@ def test_an_interrupt_gives_what_is_there() -> None:
         if done == 2:
             raise KeyboardInterrupt
 
-    with pytest.warns(RuntimeWarning, match="interrupted after 1 of 3 motions"):
+    with pytest.warns(RuntimeWarning, match="interrupted after 2 of 3 motions"):
         found = simulated(facts(), x=np.ones((3, 2)), progress=stop)
     assert found.status.tolist() == [0, 0, 5]
 

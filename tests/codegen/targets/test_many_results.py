@@ -22,7 +22,7 @@ from codegen.emit import emit
 from codegen.loader import load as load_module
 from codegen.loader import part
 from codegen.program import Program, Solving
-from codegen.targets.c import APART, EIGHT, FOUR, MANY, _beside, _columns, _given, _stretches
+from codegen.targets.c import APART, EIGHT, FOUR, MANY, _in_side, _columns, _given, _stretches
 from derive.formulations import equations
 from derive.model import load, load_text
 from derive.states import system
@@ -235,7 +235,7 @@ def test_columns_that_are_solved_for_have_places_of_their_own(lengths: tuple[int
     assert found.wide >= total and found.wide % (found.abreast * EIGHT) == 0
     assert found.wide - total < found.abreast * EIGHT
     kernel = replace(with_slopes().kernel("derivatives"), outputs=(0.0,) * (4 * size), solving=of)
-    places = [_beside(kernel, i) for i in range(4 * size)]
+    places = [_in_side(kernel, i) for i in range(4 * size)]
     taken = [place for place in places if place is not None]
     assert len(taken) == len(set(taken)) == 2 * total and max(taken) < 2 * found.wide
     outside = {column for begin, end in found.left for column in range(begin, end)}

@@ -98,9 +98,7 @@ def test_nearest_to_multiples_of_half_a_turn(module: ModuleType) -> None:
 def shorter(x: np.ndarray, folder: Path, *flags: str) -> tuple[np.ndarray, np.ndarray]:
     """Sines and cosines of the function for steps of motions, as a compiler with `flags` has it."""
     text = emit(program(derived("four_bar"), None, ("dop853",)))["four_bar_batch.c"]
-    found = re.search(
-        r"^INLINE double four_bar_sincos_short.*?^}\n", text, re.MULTILINE | re.DOTALL
-    )
+    found = re.search(r"^INLINE void four_bar_sincos_short.*?^}\n", text, re.MULTILINE | re.DOTALL)
     assert found
     (folder / "short.c").write_text(
         "#include <math.h>\n#include <stdint.h>\n#include <string.h>\n#define INLINE static inline\n"

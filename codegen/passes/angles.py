@@ -1,0 +1,98 @@
+"""angles: sines and cosines of sums from those of their parts.
+
+A sine with its cosine takes eighteen multiplications in lanes, a theorem of addition four.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from codegen.program import Expression
+
+Parts = Mapping[str, int]  # how often each local is in a sum
+
+
+@dataclass(frozen=True)
+class Turn:
+    """An angle, and the two others that it is the sum or the difference of; None where it needs a
+    sine and a cosine of its own."""
+
+    angle: Expression
+    of: tuple[Expression, Expression] | None = None
+    sign: int = 1
+
+
+def turns(
+    angles: Sequence[Expression],
+    values: Mapping[str, Expression],
+    given: Collection[str],
+    before: Sequence[Expression] = (),
+) -> list[Turn]:
+    """Those of the angles that are sums of what is `given`, each after those that it is made of;
+    `values` are what other locals stand for. The angles `before` stand first, made as they would
+    be without the others, so that a compiler finds again what it has."""
+    sums = {angle: parts for angle in angles if (parts := _parts(angle, values, given))}
+    own = {_key(parts): angle for angle, parts in reversed(sums.items())}
+    first = {angle: parts for angle in before if (parts := _parts(angle, {}, given))}
+    first = {own.get(_key(parts), angle): parts for angle, parts in first.items()}
+    found: list[Turn] = []
+    for group in (first, sums):
+        left = sorted(group, key=lambda angle: sum(map(abs, group[angle].values())))
+        _add([angle for angle in left if angle not in first or group is first], first | sums, found)
+    return found
+
+
+def _add(left: list[Expression], sums: Mapping[Expression, Parts], found: list[Turn]) -> None:
+    """The angles that are left to those that were found."""
+    while left:
+        made = (_made(angle, [turn.angle for turn in found], sums) for angle in left)
+        turn = next((turn for turn in made if turn), Turn(left[0]))
+        found.append(turn)
+        left.remove(turn.angle)
+
+
+def _key(parts: Parts) -> frozenset[tuple[str, int]]:
+    return frozenset(parts.items())
+
+
+def spelled(value: Expression, values: Mapping[str, Expression]) -> Expression:
+    """A sum with what its locals stand for in their place."""
+    if isinstance(value, str):
+        return spelled(values[value], values) if value in values else value
+    if not isinstance(value, tuple):
+        return value
+    return (value[0], *(spelled(operand, values) for operand in value[1:]))
+
+
+def _made(
+    angle: Expression, known: Sequence[Expression], sums: Mapping[Expression, Parts]
+) -> Turn | None:
+    """The angle as a sum or a difference of two that are known."""
+    for a in known:
+        for b in known:
+            for sign in (1, -1):
+                if _added(sums[a], sums[b], sign) == sums[angle]:
+                    return Turn(angle, (a, b), sign)
+    return None
+
+
+def _parts(
+    value: Expression, values: Mapping[str, Expression], given: Collection[str]
+) -> Parts | None:
+    """Of a sum of what is given; None of anything else."""
+    if isinstance(value, str):
+        if value in given:
+            return {value: 1}
+        return _parts(values[value], values, given) if value in values else None
+    if not isinstance(value, tuple) or value[0] not in ("add", "sub"):
+        return None
+    left, right = (_parts(operand, values, given) for operand in value[1:])
+    if left is None or right is None:
+        return None
+    return _added(left, right, 1 if value[0] == "add" else -1)
+
+
+def _added(a: Parts, b: Parts, sign: int) -> Parts:
+    total = {name: a.get(name, 0) + sign * b.get(name, 0) for name in {**a, **b}}
+    return {name: count for name, count in total.items() if count}

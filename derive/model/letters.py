@@ -29,8 +29,11 @@ def letters(
         for key, entry in (*document.parameters.items(), *document.coordinates.items())
         if isinstance(entry, ParameterEntry | CoordinateEntry)
     ]
+    of_joints: dict[str, list[str]] = {}
+    for coordinate in coordinates:
+        of_joints.setdefault(coordinate.owner, []).append(coordinate.name)
     for key, entry in document.joints.items():
-        own = [x.name for x in coordinates if x.owner == str(key)]
+        own = of_joints.get(str(key), [])
         given += _of_joint(reader, f"the joint '{key}'", own, entry.symbol)
     return _read(reader, given)
 

@@ -22,7 +22,7 @@ from codegen.emit import emit
 from codegen.loader import load as load_module
 from codegen.loader import part
 from codegen.program import Program, Solving
-from codegen.targets.c import APART, EIGHT, FOUR, MANY, _in_side, _columns, _given, _stretches
+from codegen.targets.c import APART, EIGHT, FOUR, MANY, _columns, _given, _in_side, _stretches
 from derive.formulations import equations
 from derive.model import load, load_text
 from derive.states import system

@@ -21,7 +21,8 @@ ABANDONED = 86_400.0  # s: without locks, nothing takes longer
 FRESH = 600.0  # s in which an entry may be in use by another process and is left alone
 DAY = 86_400.0  # s
 LONGEST = 60 * DAY  # s; what was not used for so long is dropped
-LARGEST = 500_000_000  # bytes; above this the entries not used for longest are dropped
+LARGEST = 500_000_000  # bytes; above this the entries not used for longest are dropped ...
+SMALL = 100_000  # ... but those of up to so many bytes, which make no room
 
 # tune
 FEW = 1.5  # candidates with more than so many times the fewest operations are not compiled

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hamel.build.limits import FRESH, LARGEST, LONGEST
+from hamel.build.limits import FRESH, LARGEST, LONGEST, SMALL
 from hamel.build.scratch import is_scratch, scratch, sweep
 
 INDEX = "index.json"
@@ -158,14 +158,18 @@ def _touch(place: Path) -> None:
         os.utime(place)
 
 
-def prune(place: Path, longest: float = LONGEST, largest: int = LARGEST) -> None:
+def prune(
+    place: Path, longest: float = LONGEST, largest: int = LARGEST, small: int = SMALL
+) -> None:
     """Drop the entries that were not used for `longest` seconds, then the oldest until `largest`
-    bytes are left; and what killed processes left."""
+    bytes are left, but none of up to `small` bytes: results of reports, which took minutes each;
+    and what killed processes left."""
     sweep(place)
     total = 0
     for age, entry in sorted(_aged(place, time.time())):
         size = _size(entry)
-        if age > FRESH and (age > longest or total + size > largest):
+        crowded = size > small and total + size > largest
+        if age > FRESH and (age > longest or crowded):
             shutil.rmtree(entry, ignore_errors=True)
         else:
             total += size

@@ -121,7 +121,9 @@ def test_what_is_old_or_too_much_is_dropped(tmp_path: Path) -> None:
         os.utime(entry, (time.time() - age * DAY,) * 2)
     store.prune(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"new", "week", "month"}
-    store.prune(tmp_path, largest=2500)
+    store.prune(tmp_path, largest=2500)  # small ones stay
+    assert {path.name for path in tmp_path.iterdir()} == {"new", "week", "month"}
+    store.prune(tmp_path, largest=2500, small=0)
     assert {path.name for path in tmp_path.iterdir()} == {"new", "week"}
-    store.prune(tmp_path, largest=0)  # another process may be using the new one
+    store.prune(tmp_path, largest=0, small=0)  # another process may be using the new one
     assert {path.name for path in tmp_path.iterdir()} == {"new"}

@@ -116,6 +116,8 @@ def _explained(error: ValueError, given: Mapping[str, Any], t: np.ndarray) -> Va
 
 def _found(facts: Facts, backend: Backend, request: Request) -> tuple[Simulation, list[str]]:
     """Motions, and what there is to say about them."""
+    if request.threads < 1:
+        raise ValueError(f"simulate() needs one thread or more, got threads={request.threads}")
     start, t = _times(facts, request)
     method, how = _how(facts, request)
     inputs = _source(facts, request, method, start, t[..., -1])

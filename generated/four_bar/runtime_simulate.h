@@ -223,17 +223,22 @@ static void framed(Run *r, const double *p)
 /* A status with more to say: whether the choice alone is singular where the motion stopped, or the constraints as well. */
 static int told(const Run *r, int status)
 {
-#if HAS_ROWS
     const Simulation *const s = r->s;
+    int i;
+#if HAS_ROWS
     double independence;
+#endif
     if (status != SINGULAR_POSITION && status != SINGULAR)
         return status;
+    for (i = 0; i < NX; i++)
+        if (!(s->x[i] - s->x[i] == 0.0))
+            return NOT_FINITE;
+#if HAS_ROWS
     independence = MODEL_independence(s->t, s->x, r->u, r->p);
     if (independence > INDEPENDENT)
         return SINGULAR_CHOICE;
     return independence <= INDEPENDENT ? SINGULAR_POSITION : status;
 #else
-    (void)r;
     return status;
 #endif
 }

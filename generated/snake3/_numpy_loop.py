@@ -59,7 +59,11 @@ def _told(motion: Motion, status: int) -> int:
     """A status with more to say: whether the choice alone is singular where the motion stopped, or
     the constraints as well."""
     nullspace = motion.facts.nullspace
-    if status not in (Status.SINGULAR, Status.SINGULAR_POSITION) or not nullspace:
+    if status not in (Status.SINGULAR, Status.SINGULAR_POSITION):
+        return status
+    if not np.isfinite(motion.state["x"]).all():
+        return Status.NOT_FINITE
+    if not nullspace:
         return status
     found, least = independence(motion, nullspace), motion.facts.limits.independent
     if found > least:

@@ -323,3 +323,19 @@ def test_comparisons_in_lanes_are_defined_where_they_are_called() -> None:
     assert called
     for name in called:
         assert f"INLINE double {name}(double a, double b)" in batch
+
+
+def test_what_is_not_a_number_is_called_so_in_a_loop_too(modules: dict[str, ModuleType]) -> None:
+    """And not a singular position, which every position that is none looks like."""
+    module, x = modules["four_bar"], starts("four_bar", 3)
+    x[1, 0] = np.nan
+    with pytest.warns(RuntimeWarning, match="not finite"):
+        many = module.simulate((0.0, 0.1), x)
+    assert many.status.tolist() == [0, 3, 0]
+    with pytest.raises(FloatingPointError, match="not finite"):
+        module.simulate((0.0, 0.1), x[1])
+
+
+def test_no_thread_is_refused(modules: dict[str, ModuleType]) -> None:
+    with pytest.raises(ValueError, match="one thread or more, got threads=0"):
+        modules["four_bar"].simulate((0.0, 0.1), starts("four_bar", 2), threads=0)

@@ -1,7 +1,7 @@
 """Functions of many results: each is stored as soon as it is known, zeros by fours, and everything
 that is computed is looked at.
 
-Of codegen.targets: c.
+Of codegen.targets: c, c_functions.
 """
 
 from __future__ import annotations
@@ -22,7 +22,16 @@ from codegen.emit import emit
 from codegen.loader import load as load_module
 from codegen.loader import part
 from codegen.program import Program, Solving
-from codegen.targets.c import APART, EIGHT, FOUR, MANY, _columns, _given, _in_side, _stretches
+from codegen.targets.c_functions import (
+    APART,
+    EIGHT,
+    FOUR,
+    MANY,
+    _columns,
+    _given,
+    _in_side,
+    _stretches,
+)
 from derive.formulations import equations
 from derive.model import load, load_text
 from derive.states import system

@@ -1,0 +1,521 @@
+"""Functions as lines of C: what they read, compute and store, for one state and for several side by
+side, in parts where they are long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from codegen import text
+from codegen.passes.lanes import (
+    DYNAMICS,
+    STEPPED,
+)
+from codegen.passes.schedule import TURNS
+from codegen.passes.split import Copy, Part, names, split
+from codegen.program import (
+    Expression,
+    Kernel,
+    Program,
+    Rolled,
+    Section,
+    Solving,
+    Statement,
+)
+from codegen.targets.rolled import Text, c_text
+
+FEW = 24  # values that are added up one by one to see that all are finite
+# results from which on each is stored as soon as it is known, as the parts of a long function do:
+# registers do not hold them to the end
+MANY = 200
+FOUR = 4  # neighbouring results that are set to zero at once
+# statements up to which the parts of a function for several states side by side are joined again: a
+# compiler then keeps in registers what one part hands on to the next, and vectors are long
+JOINED = 2_000
+# vectors of up to EIGHT columns that are solved for side by side: a multiplication and addition
+# takes as long as four of them, and any that is late is made up for by one more
+ABREAST, EIGHT = (12, 11, 10, 9, 8, 7, 6, 5, 4), 8
+APART = 16  # places; results further from each other are looked at in two calls
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A part of a kernel as lines of C."""
+
+    lines: tuple[
+        str, ...
+    ]  # loads, values from the workspace, statements, results, values into the workspace
+    guards: tuple[tuple[str, str, str], ...]  # value, tolerance, name
+    unused: tuple[str, ...]
+    ready: tuple[int, ...] = ()  # four results from here on are known after it, and leave the lanes
+
+
+@dataclass(frozen=True)
+class Given:
+    """How a long row of results leaves the lanes, four neighbours at a time: those from `fours` on
+    are turned over, the others are the same for all states, zeros (first, length) or constants."""
+
+    fours: tuple[int, ...]
+    zeros: tuple[tuple[int, int], ...]
+    constants: tuple[tuple[int, tuple[str, ...]], ...]
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Right-hand sides in a place of their own, `wide` numbers a row, so many vectors `abreast`:
+    (place there, first, last) of each range of columns, and the ranges that are left."""
+
+    abreast: int
+    wide: int
+    ranges: Sequence[tuple[int, int, int]]
+    left: Sequence[tuple[int, int]]
+
+
+@dataclass(frozen=True)
+class Body:
+    """A kernel as one piece, or as several over a workspace."""
+
+    kernel: Kernel
+    size: int
+    pieces: tuple[Piece, ...]
+    workspace: int
+    stray: str  # zero when nothing is infinite or NaN
+    residual: str
+    turns: bool  # are there sines and cosines?
+    zeros: bool = False  # are results set to zero by fours?
+    constants: int = 0  # length of c, where it takes precomputed constants
+    rolled: Text | None = None  # loops in the place of pieces
+    finite: tuple[tuple[str, str, int], ...] = ()  # arrays that are looked at: name, array, length
+    given: Given | None = None  # results that are looked at when they leave the lanes
+    joined: bool = False  # are its pieces put together again?
+    columns: Columns | None = None  # what is solved for after its pieces
+
+
+@dataclass(frozen=True)
+class Step:
+    """Lines that belong together, the locals that they read and those that they make."""
+
+    lines: Sequence[str]
+    reads: Sequence[str]
+    makes: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Style:
+    """How entry i of an array is written; at which statement of a section what step for sines and
+    cosines stands."""
+
+    entry: str
+    language: text.Language
+    turns: Callable[[str, Section, set[str]], dict[str, Step]]
+
+
+def batch_body(program: Program, kernel: Kernel) -> Body:
+    """For lanes constants are always precomputed where there are any."""
+    rest, constants = rest_of(kernel)
+    return replace(body_of(program, rest, SIDE_BY_SIDE), constants=constants)
+
+
+def rest_of(kernel: Kernel) -> tuple[Kernel, int]:
+    """What is left behind the constants that are precomputed, and how many these are."""
+    if not kernel.hoisted:
+        return kernel, 0
+    return replace(kernel.hoisted.rest, name=kernel.name), kernel.hoisted.precompute.size
+
+
+def _loops(program: Program, kernel: Kernel, of: Rolled, style: Style) -> Body:
+    """Loops over links, with what the tables take of parameters before them."""
+    lines = [
+        f"const double {load.name} = {style.entry.format(load.argument, load.index)};"
+        for load in kernel.loads
+    ]
+    lines += [
+        f"const double {s.name} = {value_text(s.value, style)};"
+        for section in kernel.sections
+        for s in section.statements
+    ]
+    own = f"{program.name}_{kernel.name}_"
+    sizes = {argument.name: len(argument.names) for argument in program.arguments}
+    return Body(
+        kernel=kernel,
+        size=kernel.size,
+        pieces=(),
+        workspace=of.workspace,
+        stray=_stray(program, kernel, style),
+        residual="",
+        turns=any(of.angles),
+        rolled=c_text(kernel, of, own, style is SIDE_BY_SIDE, lines),
+        finite=(
+            *((name, "t_" if name == "t" else name, sizes[name]) for name in kernel.uses),
+            ("out", "out", kernel.size),
+        ),
+    )
+
+
+def body_of(program: Program, kernel: Kernel, style: Style) -> Body:
+    if kernel.rolled:
+        return _loops(program, kernel, kernel.rolled, style)
+    parts = split(kernel)
+    given = _given(kernel) if style is SIDE_BY_SIDE else None
+    if given:
+        _leave_out(parts.parts, given)
+    many = len(parts.parts) > 1 or kernel.size >= MANY
+    lines = _near if many and style is ALONE else _far
+    pieces = tuple(_piece(program, kernel, part, style, lines) for part in parts.parts)
+    if given:
+        ready = _ready(parts.parts, given)
+        pieces = tuple(replace(piece, ready=fours) for piece, fours in zip(pieces, ready))
+    return Body(
+        kernel=kernel,
+        size=kernel.size,
+        pieces=pieces,
+        workspace=parts.size,
+        stray=_stray(program, kernel, style),
+        residual=value_text(kernel.loop.residual, style) if kernel.loop else "",
+        turns=any(
+            is_turn(s)
+            for part in parts.parts
+            for section in part.sections
+            for s in section.statements
+        ),
+        zeros=any("_zeros(" in line for piece in pieces for line in piece.lines),
+        given=given,
+        columns=_columns(kernel.solving) if kernel.solving else None,
+        joined=sum(len(section.statements) for section in kernel.sections) <= JOINED,
+    )
+
+
+def _given(kernel: Kernel) -> Given | None:
+    """Of functions that nothing but a batch calls."""
+    if kernel.size < MANY or kernel.name in (DYNAMICS, *STEPPED) or kernel.loop or kernel.solving:
+        return None
+    last = kernel.size - FOUR
+    places = [min(first, last) for first in range(0, kernel.size, FOUR)]
+    blocks = {first: kernel.outputs[first : first + FOUR] for first in places}
+    same = {first: block for first in places if (block := _numbers(blocks[first])) is not None}
+    zeros = [first for first, block in same.items() if not any(block)]
+    return Given(
+        tuple(first for first in places if first not in same),
+        tuple(_fours(zeros)),
+        tuple((i, tuple(map(text.number, same[i]))) for i in same if i not in zeros),
+    )
+
+
+def _fours(places: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Stretches of four after four; the last four of a row may begin within those before."""
+    whole = [first for first in places if first % FOUR == 0]
+    yield from ((first, n - 1 + FOUR) for first, n in _stretches(whole, FOUR))
+    yield from ((first, FOUR) for first in places if first % FOUR)
+
+
+def _numbers(values: Sequence[Expression]) -> Sequence[float] | None:
+    """The values, where all of them are numbers."""
+    found = [value for value in values if not isinstance(value, (str, tuple))]
+    return found if len(found) == len(values) else None
+
+
+def _leave_out(parts: Sequence[Part], given: Given) -> None:
+    """What is the same for all states is not written in lanes."""
+    turned = {first + k for first in given.fours for k in range(FOUR)}
+    for part in parts:
+        part.outputs = [(i, value) for i, value in part.outputs if i in turned]
+
+
+def _ready(parts: Sequence[Part], given: Given) -> list[tuple[int, ...]]:
+    """Which four results are known after each part and were not before."""
+    home = {i: k for k, part in enumerate(parts) for i, _ in part.outputs}
+    last = {first: max(home[first + k] for k in range(FOUR)) for first in given.fours}
+    return [tuple(i for i in given.fours if last[i] == k) for k in range(len(parts))]
+
+
+def _piece(
+    program: Program, kernel: Kernel, part: Part, style: Style, lines: Callable[..., Iterator[str]]
+) -> Piece:
+    uses = {load.argument for load in part.loads}
+    if part.taken or part.kept or any(i >= kernel.size for i, _ in part.outputs):
+        uses.add("work")
+    written = [i for i, value in part.outputs if i < kernel.size and is_written(kernel, value)]
+    uses |= {"out" if _in_side(kernel, i) is None else "side" for i in written}
+    uses |= {name for copy in part.copies for name in ("out", copy.argument)}
+    if part.residual is not None:
+        uses.add("residual")
+    given = (*"txupc", "work", "out", *(["residual"] if kernel.loop else []))
+    given = (*given, *(["side"] if kernel.solving else []))
+    return Piece(
+        lines=tuple(lines(program, kernel, part, style)),
+        guards=tuple(
+            (value_text(g.value, style), text.number(g.tolerance), text.comment(g.name))
+            for g in part.guards
+        ),
+        unused=tuple(name for name in given if name not in uses),
+    )
+
+
+def value_text(value: Expression, style: Style) -> str:
+    return text.expression(value, style.language)
+
+
+def _far(program: Program, kernel: Kernel, part: Part, style: Style) -> Iterator[str]:
+    """Loads first, stores last."""
+    yield from load_lines(part, style).values()
+    for step in steps_of(program, part, style):
+        yield from step.lines
+    yield ""
+    yield from (
+        output_line(kernel, i, style) for i, value in part.outputs if is_written(kernel, value)
+    )
+    yield from (_store_line(name, slot, style) for name, slot in part.kept)
+    yield from copied_lines(kernel, part.copies, style)
+
+
+def _near(program: Program, kernel: Kernel, part: Part, style: Style) -> Iterator[str]:
+    """Loads at their first use, stores as soon as there is something to store, for the parts of a
+    long function.
+
+    gcc looks through all lines between a load and its only use for what could change the value
+    (combine.cc): with all loads at the top its time is quadratic in the length of a part.
+    """
+    loads, stores = load_lines(part, style), _stores(kernel, part, style)
+    for number, step in enumerate(steps_of(program, part, style)):
+        for name in step.reads:
+            if name in loads:
+                yield from (loads.pop(name), *stores.pop(name, ()))
+        yield from (
+            step.lines if number else step.lines[1:]
+        )  # the first heading without an empty line above
+        for name in step.makes:
+            yield from stores.pop(name, ())
+    yield ""
+    for name, line in loads.items():  # what results and guards alone need
+        yield from (line, *stores.pop(name, ()))
+    for lines in stores.values():
+        yield from lines
+    constants = [(i, value) for i, value in part.outputs if not isinstance(value, str)]
+    yield from _constant(program, kernel, constants, style)
+    yield from copied_lines(kernel, part.copies, style)
+
+
+def _constant(
+    program: Program, kernel: Kernel, outputs: Sequence[tuple[int, Expression]], style: Style
+) -> Iterator[str]:
+    """Results that are no locals; zeros by fours."""
+    zeros = [i for i, value in outputs if value == 0.0 and not kernel.solving]
+    stretches = _stretches(zeros, 1)
+    fours = [first + k for first, n in stretches for k in range(0, n - FOUR + 1, FOUR)]
+    yield from (f"{program.name}_zeros(out + {first});" for first in fours)
+    cleared = {first + k for first in fours for k in range(FOUR)}
+    for i, value in outputs:
+        if i not in cleared and is_written(kernel, value):
+            yield output_line(kernel, i, style)
+
+
+def _stretches(places: Sequence[int], apart: int) -> list[tuple[int, int]]:
+    """Sorted places as stretches, first and length, of which neighbours are further than `apart`
+    from each other."""
+    ends = [k for k in range(1, len(places)) if places[k] - places[k - 1] > apart]
+    bounds = [0, *ends, len(places)] if places else [0]
+    return [(places[a], places[b - 1] + 1 - places[a]) for a, b in pairwise(bounds)]
+
+
+def copied_lines(kernel: Kernel, copies: Sequence[Copy], style: Style) -> Iterator[str]:
+    for copy in copies:
+        ends = (_note(kernel, copy.first), _note(kernel, copy.first + copy.count - 1))
+        about = text.comment(" to ".join(ends))
+        target, source = (
+            style.entry.format(name, f"({first} + i)" if first else "i")
+            for name, first in (("out", copy.first), (copy.argument, copy.index))
+        )
+        yield f"for (int i = 0; i < {copy.count}; i++) /* {about} */"
+        yield f"    {target} = {source};"
+
+
+def is_written(kernel: Kernel, value: Expression) -> bool:
+    """Whether an output is to be written: where something is solved for, all begin as zeros."""
+    return not (kernel.solving and value == 0.0)
+
+
+def load_lines(part: Part, style: Style) -> dict[str, str]:
+    """What arguments and the workspace hold, as lines by local name; t is an argument by itself."""
+    entries = {
+        load.name: (load.argument, load.index) for load in part.loads if load.argument != "t"
+    }
+    entries |= {name: ("work", slot) for name, slot in part.taken}
+    return {
+        name: f"const double {name} = {style.entry.format(*entry)};"
+        for name, entry in entries.items()
+    }
+
+
+def _stores(kernel: Kernel, part: Part, style: Style) -> dict[str, list[str]]:
+    """The lines that store a local: into the workspace, as a result."""
+    lines = {name: [_store_line(name, slot, style)] for name, slot in part.kept}
+    for i, value in part.outputs:
+        if isinstance(value, str):
+            lines.setdefault(value, []).append(output_line(kernel, i, style))
+    return lines
+
+
+def _store_line(name: str, slot: int, style: Style) -> str:
+    return f"{style.entry.format('work', slot)} = {name};"
+
+
+def steps_of(program: Program, part: Part, style: Style) -> Iterator[Step]:
+    taken = {statement.name for section in part.sections for statement in section.statements}
+    for section in part.sections:
+        yield Step(("", f"/* {text.comment(section.title)} */"), (), ())
+        turns = style.turns(program.name, section, taken)
+        for statement in section.statements:
+            if not is_turn(statement):
+                line = f"const double {statement.name} = {value_text(statement.value, style)};"
+                yield Step([line], list(names(statement.value)), [statement.name])
+            elif statement.name in turns:
+                yield turns.pop(statement.name)
+
+
+def is_turn(statement: Statement) -> bool:
+    """A sine or a cosine."""
+    return isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos")
+
+
+def angles_of(section: Section) -> dict[Expression, dict[str, str]]:
+    """Which locals are the sine and the cosine of an angle."""
+    pairs: dict[Expression, dict[str, str]] = {}
+    for statement in section.statements:
+        if isinstance(statement.value, tuple) and is_turn(statement):
+            pairs.setdefault(statement.value[1], {})[statement.value[0]] = statement.name
+    return pairs
+
+
+def _by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, Step]:
+    """At the first of a sine and cosine the a step for both."""
+    steps: dict[str, Step] = {}
+    for angle, pairs in angles_of(section).items():
+        first = next(iter(pairs.values()))
+        sin, cos = (pairs.get(name) or fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
+        call = f"bad += {prefix}_sincos({text.expression(angle, text.C)}, &{sin}, &{cos});"
+        steps[first] = Step([f"double {sin}, {cos};", call], list(names(angle)), [sin, cos])
+    return steps
+
+
+def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, Step]:
+    """At the last sine or cosine the a step for all, four angles at a time; where one needs
+    another, one by one."""
+    angles = list(angles_of(section).items())
+    groups = (
+        [angles[i : i + 4] for i in range(0, len(angles), 4)]
+        if section.title == TURNS
+        else [[item] for item in angles]
+    )
+    steps: dict[str, Step] = {}
+    for group in groups:
+        last = [
+            s.name
+            for s in section.statements
+            if any(s.name in pairs.values() for _, pairs in group)
+        ]
+        sines, cosines = fresh("sines", taken), fresh("cosines", taken)
+        values = [*(text.expression(angle, text.C) for angle, _ in group), "0.0", "0.0", "0.0"][:4]
+        calls = [
+            f"double {sines}[4], {cosines}[4];",
+            f"{prefix}_turns({', '.join(values)}, {sines}, {cosines});",
+        ]
+        for k, (_, pairs) in enumerate(group):
+            calls += [
+                f"const double {local} = {sines if name == 'sin' else cosines}[{k}];"
+                for name, local in pairs.items()
+            ]
+        reads = [name for angle, _ in group for name in names(angle)]
+        step = Step(calls, reads, [local for _, pairs in group for local in pairs.values()])
+        steps[last[-1] if section.title == TURNS else last[0]] = step
+    return steps
+
+
+def fresh(wanted: str, taken: set[str]) -> str:
+    """The name, with lines under it until nothing else is called so."""
+    while wanted in taken:
+        wanted += "_"
+    taken.add(wanted)
+    return wanted
+
+
+ALONE = Style("{0}[{1}]", text.C, _by_fours)
+SIDE_BY_SIDE = Style("{0}[{1} * LANES + lane]", text.LANES, _by_lanes)
+
+
+def output_line(kernel: Kernel, i: int, style: Style) -> str:
+    if i >= kernel.size:  # what solving takes stands first in the workspace
+        place = style.entry.format("work", i - kernel.size)
+        return f"{place} = {value_text(kernel.computed[i], style)};"
+    note = text.comment(_note(kernel, i))
+    beside = _in_side(kernel, i)
+    place = style.entry.format(*(("out", i) if beside is None else ("side", beside)))
+    return f"{place} = {value_text(kernel.outputs[i], style)};" + (f" /* {note} */" if note else "")
+
+
+def _in_side(kernel: Kernel, i: int) -> int | None:
+    """Where an entry of a right-hand side stands while it is solved for."""
+    of = kernel.solving
+    if of is None or i < of.first * of.size:
+        return None
+    row, column = divmod(i - of.first * of.size, of.size)
+    columns = _columns(of)
+    for place, begin, end in columns.ranges:
+        if begin <= column < end:
+            return row * columns.wide + place + column - begin
+    return None
+
+
+def _columns(of: Solving) -> Columns:
+    """In whole groups, as many abreast as leave the fewest places empty."""
+    lengths = [end - begin for begin, end in of.ranges]
+    edges = [0, *(edge for pair in of.ranges for edge in pair), of.size]
+    groups = {k: -(-sum(lengths) // (k * EIGHT)) for k in ABREAST}
+    abreast = min(ABREAST, key=lambda k: k * groups[k])
+    return Columns(
+        abreast,
+        abreast * groups[abreast] * EIGHT,
+        [(sum(lengths[:k]), *of.ranges[k]) for k in range(len(lengths))],
+        [(a, b) for a, b in zip(edges[::2], edges[1::2]) if a < b],
+    )
+
+
+def _note(kernel: Kernel, i: int) -> str:
+    """What an entry of the result is, with its unit."""
+    label = kernel.labels[i] if i < len(kernel.labels) else ""
+    unit = kernel.units[i] if i < len(kernel.units) else ""
+    return ", ".join(part for part in (label, unit) if part)
+
+
+def _stray(program: Program, kernel: Kernel, style: Style) -> str:
+    """0 * value is 0 for finite values and NaN for the others; many values are gone through in
+    loops. What is solved for is looked at there."""
+    if kernel.solving:
+        sizes = {a.name: len(a.names) for a in program.arguments} | {"x": len(kernel.x.names)}
+        given = [f"{program.name}_stray({a}, {sizes[a]})" for a in kernel.uses if a != "t"]
+        return _added([*given, "0.0 * t", "solved"])
+    watched = ["t" if name == "t" else style.entry.format(name, i) for name, i in kernel.watched]
+    looked_at = () if style is SIDE_BY_SIDE and _given(kernel) else kernel.results
+    results = [style.entry.format("out", i) for i in looked_at]
+    if len(watched) + len(results) <= FEW or style is SIDE_BY_SIDE:
+        return _added([f"0.0 * {value}" for value in (*watched, *results)])
+    sizes = {argument.name: len(argument.names) for argument in program.arguments} | {
+        "x": len(kernel.x.names)
+    }
+    slots = dict.fromkeys(name for name, _ in kernel.watched)
+    calls = [
+        "0.0 * t" if name == "t" else f"{program.name}_stray({name}, {sizes[name]})"
+        for name in slots
+    ]
+    calls += [
+        f"{program.name}_stray({f'out + {first}' if first else 'out'}, {count})"
+        for first, count in _stretches(kernel.results, APART)
+    ]
+    return " + ".join(calls) or "0.0"
+
+
+def _added(terms: Sequence[str]) -> str:
+    """A sum in three independent chains, so that no addition waits long for the one before."""
+    chains = [" + ".join(terms[k::3]) for k in range(min(3, len(terms)))]
+    return " + ".join(chain if len(chains) == 1 else f"({chain})" for chain in chains) or "0.0"

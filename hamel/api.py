@@ -116,10 +116,11 @@ def verify(
     random admissible states.
 
     `mutate` also plants errors, one at a time, and says which checks see each: `mutations` of the
-    record. `path` may also be the folder of a built module: then every file is compared with the
-    manifest, and what is compiled there with the values that were stored when it was verified.
-    `targets` are compared with the module instead, by the tools that use them; `functions` and
-    `real` are those of that module, as in `build`.
+    record. `functions` are compared beside the usual ones, such as the pose of a frame. `path` may
+    also be the folder of a built module: then every file is compared with the manifest, and what is
+    compiled there with the values that were stored when it was verified. `targets` are compared
+    with the module instead, by the tools that use them; `functions` and `real` are those of that
+    module, as in `build`.
     """
     from hamel.verbs.verify import is_module, run, run_folder, run_targets
 
@@ -128,20 +129,19 @@ def verify(
     if is_module(path):
         asked = {"choice": choice, "constants": constants, "mutate": mutate, "targets": names}
         return run_folder(path, asked | of_targets)
+    options = BuildOptions(
+        choice=choice,
+        constants=_constants(constants),
+        functions=None if functions is None else _names(functions),
+        formulation=formulation,
+        real=real,
+        targets=names,
+    )
     if names:
-        options = BuildOptions(
-            choice=choice,
-            constants=_constants(constants),
-            functions=None if functions is None else _names(functions),
-            formulation=formulation,
-            real=real,
-            targets=names,
-        )
         return run_targets(path, options, states, seed)
-    for name, value in of_targets.items():
-        if value:
-            raise HamelError(f"{name} is for targets: name some with --target")
-    return run(path, choice, states, seed, _constants(constants), formulation, mutate)
+    if real != "float64":
+        raise HamelError("real is for targets: name some with --target")
+    return run(path, options, states, seed, mutate)
 
 
 def extremes(

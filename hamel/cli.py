@@ -146,7 +146,7 @@ def build(
     "--functions",
     metavar="a,b",
     default="",
-    help="With --target: these functions only, as of `hamel build`.",
+    help="Also these functions (`hamel list MODEL` names all); with --target: these only.",
 )
 @REAL
 def verify(model: str, constants: str, targets: str, functions: str, **options: Any) -> Any:

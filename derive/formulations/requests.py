@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from derive.diagnostics import AssumptionError, HamelError, did_you_mean, listed, nearest
 from derive.formulations.named_frames import about_frame
 from derive.formulations.records import Equations, Family, Request
@@ -25,6 +27,23 @@ def request_of(equations: Equations, name: str) -> Request | None:
     return _of_frame(name, offered[matches[0][0]], matches[0][1]) if matches else None
 
 
+def _misspelt_frames(
+    name: str, prefixes: Collection[str], frames: Collection[str]
+) -> dict[str, str]:
+    """Functions of the frame that is nearest to what stands behind each family's name, and that
+    text."""
+    behind = {family: name[len(family) + 1 :] for family in sorted(prefixes, key=len, reverse=True)}
+    near = {family: nearest(frame, frames) for family, frame in behind.items()}
+    return {f"{family}_{frame}": behind[family] for family, frame in near.items() if frame}
+
+
+def _of_frames(equations: Equations, name: str, frames: Collection[str]) -> list[str]:
+    """The functions of the frame whose name is at the end of this one, where the family in front
+    may be misspelt."""
+    ends = [frame for frame in frames if name.endswith(f"_{frame}")]
+    return [f"{family.name}_{frame}" for frame in ends for family in equations.families]
+
+
 def _of_frame(name: str, family: Family, frame: str) -> Request:
     return Request(name, about_frame(family.about, frame), lambda: family.make(frame))
 
@@ -41,14 +60,13 @@ def unknown_function(equations: Equations, name: str) -> HamelError:
             f"{model.name} has no function '{name}'",
             f"formulation {equations.formulation} chooses no quasi-velocities w",
         )
-    for family in sorted(prefixes, key=len, reverse=True):
-        frame = name[len(family) + 1 :]
-        near = nearest(frame, frames)
-        if near:
-            return HamelError(
-                f"{model.name} has no frame '{frame}'", f"did you mean '{family}_{near}'?"
-            )
-    hint = did_you_mean(name, single)
+    misspelt = _misspelt_frames(name, prefixes, frames)
+    best = nearest(name, (*misspelt, *_of_frames(equations, name, frames)))
+    if best in misspelt:
+        return HamelError(
+            f"{model.name} has no frame '{misspelt[best]}'", f"did you mean '{best}'?"
+        )
+    hint = f"did you mean '{best}'?" if best else did_you_mean(name, single)
     if prefixes and not hint:
         frame = name[len(max(prefixes, key=len)) + 1 :]
         return HamelError(f"{model.name} has no frame '{frame}'", f"it has {listed(frames)}")

@@ -128,6 +128,8 @@ def recommendation(record: Choices) -> str:
     if best.name == record.default:
         return f"{text} It is what is built when no choice is given."
     own = next((x for x in record.choices if x.name == record.default), None)
+    if own is None and record.default not in record.refused:  # it is one of these by another name
+        return text
     if own is None:
         return f"{text} The default, '{record.default}', cannot be used here."
     cost = f"condition {own.condition:.3g}, at most {own.worst:.3g}, {own.operations} operations"

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
@@ -20,11 +20,12 @@ from derive.formulations.charts import together
 from derive.robots.reading import load as load_model
 from hamel.build.folder import differences, manifest
 from hamel.build.module import compiled, temporary_module
-from hamel.build.options import BuildOptions, Constants
+from hamel.build.options import BuildOptions
 from hamel.build.stages import (
     equations_of,
     mechanics_of,
     program_for,
+    program_of,
     usable_choices,
     with_emitted,
 )
@@ -47,26 +48,23 @@ SHOWN = 5  # files that are named at once
 
 
 def run(
-    path: str | PathLike[str],
-    choice: str | None,
-    states: int,
-    seed: int,
-    constants: Constants,
-    formulation: str,
-    mutate: bool = False,
+    path: str | PathLike[str], options: BuildOptions, states: int, seed: int, mutate: bool = False
 ) -> Verified:
-    """Checks of each usable choice, or of `choice` alone, at `states` random admissible states
+    """Checks of each usable choice, or of the options' alone, at `states` random admissible states
     drawn from `seed`. Each choice is compiled for it. Without a choice what `build` makes by itself
     is among them, where that is several charts.
 
-    With `mutate` errors are planted too: passed then means that each was caught. Raises ModelError
-    for a count below one or a negative seed.
+    Functions on request that the options name are compared as well. With `mutate` errors are
+    planted too: passed then means that each was caught. Raises ModelError for a count below one or
+    a negative seed, HamelError for a name that is no function.
     """
     for name, value, least in (("states", states, 1), ("seed", seed, 0)):
         if value < least:
             raise ModelError(f"{name} is {value}, which is less than {least}")
+    choice, formulation = options.choice, options.formulation
+    functions = options.functions or ()
     model = load_model(path)
-    mechanics = mechanics_of(model, constants)
+    mechanics = mechanics_of(model, options.constants)
     asked = {
         together(e): e
         for e in (
@@ -78,11 +76,14 @@ def run(
         mechanics, choice, formulation, charts=True, moving=True
     )  # what `build` makes of the same options
     wanted = asked or (usable | {together(built): built} if built.charts else usable)
-    verifications = {name: _verification(name, usable | wanted, states, seed) for name in wanted}
+    full = {name: _with_functions(e, functions) for name, e in wanted.items()}
+    verifications = {
+        name: _verification(name, usable | full, functions, states, seed) for name in wanted
+    }
     checks = [line for name, one in verifications.items() for line in _lines(name, one)]
     checks += _published(next(iter(wanted.values())))
     varied = dict.fromkeys(name for one in verifications.values() for name in one.varied)
-    planted = mutations(model, next(iter(wanted.values())), seed) if mutate else None
+    planted = mutations(model, next(iter(full.values())), seed) if mutate else None
     passed = all(check.passed for check in checks) and (
         planted is None or planted.caught == planted.planted
     )
@@ -150,12 +151,24 @@ def run_folder(folder: str | PathLike[str], options: Mapping[str, Any]) -> Verif
     return Verified(str(said.get("model")), passed, (files, *values), {}, states, 0)
 
 
+def _with_functions(equations: Equations, functions: Collection[str]) -> Equations:
+    """With what a build would emit of these names, so that checks look at it and errors are planted
+    in it."""
+    if not functions:
+        return equations
+    return with_emitted(equations, program_of(equations, ("default", *functions)))
+
+
 def _verification(
-    name: str, candidates: dict[str, Equations], states: int, seed: int
+    name: str,
+    candidates: dict[str, Equations],
+    functions: Collection[str],
+    states: int,
+    seed: int,
 ) -> Verification:
     chosen = candidates[name]
     others = tuple(other for key, other in candidates.items() if key != name)
-    with temporary_module(chosen) as module:
+    with temporary_module(chosen, functions=("default", *functions)) as module:
         return verification(
             chosen.system.model, chosen, module, states=states, seed=seed, others=others
         )

@@ -40,6 +40,8 @@ JACOBIANS = {
     "jacobian_p": 3,
 }  # of ẋ by which argument
 ALL, SECOND = "derivatives", "contraction"
+FORWARD, ADJOINT = "dynamics_forward", "dynamics_adjoint"
+HESSIAN, OF_FORWARD = "dynamics_hessian", "jacobian_forward"
 MOST = 80  # states of a model that is linearised without being asked
 SEEN = 5  # of the sampled states
 # Relative to the column or to a thousandth of what is differentiated: both sides are exact
@@ -174,8 +176,9 @@ def _tangent(e: Evidence, s: Sample, independent: list[int], j: int) -> Array:
 
 def along_axes(e: Evidence) -> float | None:
     """Jacobians of ẋ by t, x, u and p, where the module has them, against dual numbers."""
-    names = [name for name in JACOBIANS if e.graph.has(name)]
-    errors = [_own_jacobian(e, name, k) for name in names for k in _regular(e, name)]
+    errors = [_own_jacobian(e, name, k) for name in JACOBIANS for k in _states_of(e, name)]
+    pairs = [(name, f"{name}_values") for name in JACOBIANS]
+    errors += [_own_values(e, *pair, k) for pair in pairs for k in _states_of(e, pair[1])]
     if e.graph.has(ALL):
         errors += [_all_at_once(e, k) for k in _regular(e, ALL)]
     return worst(errors) if errors else None
@@ -185,6 +188,16 @@ def _own_jacobian(e: Evidence, name: str, k: int) -> float:
     s, x = e.samples[k], e.x[k]
     ours = e.graph(name, s.t, x, s.u, s.p).reshape(len(x), -1)
     return _jacobian(e, ours, JACOBIANS[name], k)
+
+
+def _own_values(e: Evidence, name: str, values: str, k: int) -> float:
+    """The entries that may differ from zero, put in their places: the others have to be zero."""
+    s, x = e.samples[k], e.x[k]
+    pattern = e.graph.equations.function(values).result.pattern
+    assert pattern is not None, values
+    whole = np.zeros(pattern.shape)
+    whole[list(pattern.rows), list(pattern.columns)] = e.graph(values, s.t, x, s.u, s.p)
+    return _jacobian(e, whole, JACOBIANS[name], k)
 
 
 def _all_at_once(e: Evidence, k: int) -> float:
@@ -213,30 +226,104 @@ def _jacobian(e: Evidence, found: Array, slot: int, k: int) -> float:
     return worst_error / _growth(e, k)
 
 
-def curvature(e: Evidence) -> float | None:
-    """The second-order contraction, where the module has it: (∂ẋ/∂x dx + ∂ẋ/∂u du)·y by dual
-    numbers along every state and input."""
-    if not e.graph.has(SECOND):
-        return None
-    return worst([_curvature(e, k) for k in _regular(e, SECOND)])
+def products(e: Evidence) -> float | None:
+    """∂ẋ/∂(x, u) times a direction and its transpose times a covector, where the module has them,
+    against dual numbers."""
+    errors = [_forward(e, k) for k in _states_of(e, FORWARD)]
+    errors += [_adjoint(e, k) for k in _states_of(e, ADJOINT)]
+    return worst(errors) if errors else None
 
 
-def _curvature(e: Evidence, k: int) -> float:
-    """At random y and (dx, du), in the model's own units."""
+def _states_of(e: Evidence, name: str) -> list[int]:
+    """Where that function is looked at; nowhere, if the module is without it."""
+    return _regular(e, name) if e.graph.has(name) else []
+
+
+def _forward(e: Evidence, k: int) -> float:
     s, x = e.samples[k], e.x[k]
+    d, _ = _random(e, k)
+    wanted = _along(e, "dynamics", k, _by_state_and_input(e, k, d[None]))[:, 0]
+    ours = e.graph(FORWARD, s.t, np.concatenate([x, d]), s.u, s.p)
+    rows = e.units.x / e.units.time
+    here = e.graph("dynamics", s.t, x, s.u, s.p) / rows
+    return _error(ours / rows, wanted / rows, here) / _growth(e, k)
+
+
+def _adjoint(e: Evidence, k: int) -> float:
+    s, x, units = e.samples[k], e.x[k], _both_units(e)
+    _, y = _random(e, k)
+    wanted = y @ _along(e, "dynamics", k, _by_state_and_input(e, k, np.diag(units)))
+    ours = e.graph(ADJOINT, s.t, np.concatenate([x, y]), s.u, s.p) * units
+    here = y @ e.graph("dynamics", s.t, x, s.u, s.p)
+    return _error(ours, wanted, np.full(len(units), here)) / _growth(e, k)
+
+
+def _both_units(e: Evidence) -> Array:
+    """Of (x, u)."""
+    return np.concatenate([e.units.x, _input_units(e)])
+
+
+def _random(e: Evidence, k: int) -> tuple[Array, Array]:
+    """A direction of (x, u) and a covector of ẋ, in the model's own units."""
     rng = np.random.default_rng(k)
-    units = np.concatenate([e.units.x, _input_units(e)])
-    y = rng.normal(size=len(x)) / (e.units.x / e.units.time)
-    d = rng.normal(size=len(units)) * units
+    y = rng.normal(size=len(e.units.x)) / (e.units.x / e.units.time)
+    units = _both_units(e)
+    return rng.normal(size=len(units)) * units, y
+
+
+def _by_state_and_input(e: Evidence, k: int, moves: Array) -> Array:
+    """Directions of (x, u), one per row, as directions of (t, x, u, p)."""
+    width = moves.shape[1]
+    result = np.zeros((len(moves), 1 + width + len(e.samples[k].p)))
+    result[:, 1 : 1 + width] = moves
+    return result
+
+
+def slopes_of_forward(e: Evidence) -> float | None:
+    """∂ẋ/∂x d + ∂ẋ/∂t τ differentiated by the states and inputs, where the module has it."""
+    found = _states_of(e, OF_FORWARD)
+    return worst([_slopes_of_forward(e, k) for k in found]) if found else None
+
+
+def _slopes_of_forward(e: Evidence, k: int) -> float:
+    s, x, units = e.samples[k], e.x[k], _both_units(e)
+    d, tau = _random(e, k)[0][: len(x)], e.units.time
+    slots = [argument.symbols for argument in e.graph.equations.arguments]
+    rates = e.graph.equations.function("dynamics").result.value
+    seed = ca.SX(ca.DM(np.append(tau, d)))
+    along = ca.jtimes(rates, ca.vertcat(slots[0], slots[1]), seed)
+    directions = _by_state_and_input(e, k, np.diag(units))
+    wanted = tangents(slots, along, (np.array([s.t]), x, s.u, s.p), directions)
+    given = np.concatenate([x, d, [tau]])
+    ours = e.graph(OF_FORWARD, s.t, given, s.u, s.p).reshape(len(x), -1) * units
+    rows = e.units.x / e.units.time
+    value = ca.Function("along", slots, [along])(s.t, x, s.u, s.p)
+    here = np.array(value).ravel() / rows
+    pairs = zip(ours.T, wanted.T)
+    return worst([_error(a / rows, b / rows, here) for a, b in pairs]) / _growth(e, k)
+
+
+def curvature(e: Evidence) -> float | None:
+    """The second-order contraction and the whole matrix, where the module has them: (∂ẋ/∂x dx +
+    ∂ẋ/∂u du)·y by dual numbers along every state and input."""
+    errors = [_curvature(e, k, name) for name in (SECOND, HESSIAN) for k in _states_of(e, name)]
+    return worst(errors) if errors else None
+
+
+def _curvature(e: Evidence, k: int, name: str) -> float:
+    """At random y and (dx, du), in the model's own units."""
+    s, x, units = e.samples[k], e.x[k], _both_units(e)
+    d, y = _random(e, k)
     slots = [argument.symbols for argument in e.graph.equations.arguments]
     rates = e.graph.equations.function("dynamics").result.value
     along = ca.dot(
         ca.jtimes(rates, ca.vertcat(slots[1], slots[2]), ca.SX(ca.DM(d))), ca.SX(ca.DM(y))
     )
-    directions = np.zeros((len(units), 1 + len(units) + len(s.p)))
-    directions[:, 1 : 1 + len(units)] = np.diag(units)
+    directions = _by_state_and_input(e, k, np.diag(units))
     wanted = tangents(slots, along, (np.array([s.t]), x, s.u, s.p), directions)[0]
-    ours = e.graph(SECOND, s.t, np.concatenate([x, y, d]), s.u, s.p) * units
+    given = np.concatenate([x, y, d] if name == SECOND else [x, y])
+    found = e.graph(name, s.t, given, s.u, s.p)
+    ours = (found if name == SECOND else found.reshape(len(d), -1) @ d) * units
     size = float(ca.Function("along", slots, [along])(s.t, x, s.u, s.p))
     return _error(ours, wanted, np.full(len(units), size)) / _growth(e, k)
 
@@ -315,5 +402,12 @@ CHECKS = (
     ),
     Check("Jacobian of outputs", EXACT, "y differentiated by dual numbers by x", of_outputs),
     Check("Jacobians", EXACT, "ẋ differentiated by dual numbers by t, x, u and p", along_axes),
+    Check("products of Jacobians", EXACT, "ẋ differentiated by dual numbers", products),
+    Check(
+        "slopes of a product",
+        EXACT,
+        "derivatives of ẋ along one direction differentiated by dual numbers",
+        slopes_of_forward,
+    ),
     Check("contraction", EXACT, "derivatives of ẋ differentiated by dual numbers", curvature),
 )

@@ -414,6 +414,13 @@ def test_functions_alone_have_their_charts(tmp_path: Path) -> None:
     np.testing.assert_allclose(module.energy_chart1(0.0, there), module.energy(0.0, x), rtol=1e-12)
 
 
+def test_a_function_alone_brings_what_keeps_the_frame_of_its_chart(tmp_path: Path) -> None:
+    """One chart of the governor is in a frame, whose numbers stand behind the parameters."""
+    model = MODELS / "gallery" / "governor.yaml"
+    built = hamel.build(model, out=tmp_path / "governor", functions=["mass_w"])
+    assert built.verified and {"mass_w", "dynamics", "constraint_rows"} <= {*built.operations}
+
+
 @pytest.mark.slow
 def test_a_build_holds_charts_where_no_choice_is_safe(tmp_path: Path) -> None:
     """The board's speed along itself fails with crossed wheels, its turning with parallel ones;

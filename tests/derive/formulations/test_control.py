@@ -155,6 +155,8 @@ def test_generalized_velocities_have_no_functions_over_w():
         ("pose_cuopler", "did you mean 'pose_coupler'?"),
         ("jacobian_local_crnk", "did you mean 'jacobian_local_crank'?"),
         ("pose_nowhere", "four_bar has no frame 'nowhere'"),
+        ("jacobian_locl_crank", "did you mean 'jacobian_local_crank'?"),
+        ("poes_crank", "did you mean 'pose_crank'?"),
         ("mas_w", "did you mean 'mass_w'?"),
         ("something_else", "pose_FRAME"),
     ],

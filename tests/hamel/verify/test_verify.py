@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from derive.diagnostics import AssumptionError, ModelError
+import hamel
+from derive.diagnostics import AssumptionError, HamelError, ModelError
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.model import load, load_text
@@ -503,12 +504,16 @@ def test_states_that_cannot_be_found_are_a_failure():
     assert [check.name for check in found.failed] == ["states found"]
 
 
+PRODUCTS = ("dynamics_forward", "dynamics_adjoint", "jacobian_forward")
+
+
 @pytest.fixture(scope="module")
 def linearised(four_bar):
     """The crank choice with what is derived from its ẋ on request."""
     model, choices = four_bar
     chosen = with_linearization(choices["crank"])
-    asked = (*JACOBIANS, "derivatives", "contraction")
+    asked = (*JACOBIANS, *PRODUCTS, "derivatives", "contraction", "dynamics_hessian")
+    asked = (*asked, "jacobian_values", "jacobian_u_values", "jacobian_p_values")
     made = tuple(request.function for request in chosen.requests if request.name in asked)
     return evidence(
         reference(model), replace(chosen, functions=(*chosen.functions, *made)), None, FEW
@@ -541,7 +546,10 @@ def test_wrong_linear_equations_are_caught(linearised):
     assert "linearization, unreduced" in red(with_entry(linearised, "linearization", 1), names)
 
 
-@pytest.mark.parametrize("name", ["jacobian", "jacobian_u", "jacobian_p", "derivatives"])
+VALUES = ["jacobian_values", "jacobian_u_values", "jacobian_p_values"]
+
+
+@pytest.mark.parametrize("name", ["jacobian", "jacobian_u", "jacobian_p", "derivatives", *VALUES])
 def test_wrong_jacobians_are_caught(linearised, name):
     assert red(linearised, {"Jacobians"}) == set()
     value = next(f.result.value for f in linearised.graph.equations.functions if f.name == name)
@@ -549,13 +557,44 @@ def test_wrong_jacobians_are_caught(linearised, name):
     assert red(with_entry(linearised, name, k), {"Jacobians"})
 
 
-def test_a_wrong_contraction_is_caught(linearised):
+@pytest.mark.parametrize(
+    ("name", "check"),
+    [
+        ("dynamics_forward", "products of Jacobians"),
+        ("dynamics_adjoint", "products of Jacobians"),
+        ("jacobian_forward", "slopes of a product"),
+        ("contraction", "contraction"),
+        ("dynamics_hessian", "contraction"),
+    ],
+)
+def test_wrong_products_of_derivatives_are_caught(linearised, name, check):
     """Every entry that is not zero."""
-    assert red(linearised, {"contraction"}) == set()
-    value = linearised.graph.equations.function("contraction").result.value
+    assert red(linearised, {check}) == set()
+    value = linearised.graph.equations.function(name).result.value
     for k in range(value.numel()):
         if not ca.SX(value[k]).is_zero():
-            assert red(with_entry(linearised, "contraction", k), {"contraction"}), k
+            assert red(with_entry(linearised, name, k), {check}), k
+
+
+def test_errors_are_planted_in_functions_on_request_and_seen(tmp_path):
+    """By name, as in a build; what no check looked at would be left unseen."""
+    names = ["pose_ball", "jacobian_values", "dynamics_adjoint", "mass_w"]
+    (tmp_path / "rod.yaml").write_text(ROD)
+    found = hamel.verify(tmp_path / "rod.yaml", functions=names, states=FEW, mutate=True)
+    assert found.passed and found.mutations is not None
+    assert {f"{name}()" for name in names} <= {each.where for each in found.mutations.list}
+    with pytest.raises(HamelError, match="rod has no frame 'bal'"):
+        hamel.verify(tmp_path / "rod.yaml", functions=["pose_bal"])
+
+
+ROD = """
+model: rod
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies: {ball: {mass: 1 kg, com: [0.5 m, 0], inertia: 0.1}}
+joints: {hinge: {type: revolute, parent: ground, child: ball}}
+inputs: {torque: {joint: hinge}}
+"""
 
 
 @pytest.mark.parametrize("name", ["four_bar", "bead_in_bowl", "free_body"])
@@ -625,6 +664,8 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
         "linearization, unreduced",
         "Jacobians",
         "contraction",
+        "products of Jacobians",
+        "slopes of a product",
         "v̇ Udwadia–Kalaba",
         "v̇ Udwadia–Phohomsiri",
     }

@@ -61,6 +61,12 @@ def hamel(capsys):
     return run
 
 
+@pytest.fixture
+def nothing_kept(tmp_path_factory, monkeypatch):
+    """A store of its own: what a test before built, or a run before, is not taken from it."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+
+
 def spawn(*arguments, **options):
     return subprocess.Popen(
         [sys.executable, "-m", "hamel", *arguments], env=ENVIRONMENT, text=True, **options
@@ -109,6 +115,7 @@ def test_people_get_text(hamel, verb):
     assert "crank" in out and not out.startswith("{")
 
 
+@pytest.mark.usefixtures("nothing_kept")
 def test_build_reports_folder_operations_and_time(hamel, tmp_path):
     _, out, _ = hamel("build", FOUR_BAR, "--choice", "crank", "-o", "out/four_bar", "--json")
     built = one_object(out)
@@ -254,6 +261,7 @@ def test_failed_verification_is_exit_code_4(hamel, monkeypatch):
     assert code == 4 and one_object(out)["passed"] is False
 
 
+@pytest.mark.usefixtures("nothing_kept")
 def test_missing_compiler(hamel, tmp_path, monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     code, _, err = hamel("build", SNAKE)

@@ -1,6 +1,7 @@
 """make whole, third part: thousands of motions at a time, each to three errors at its end, beside
 heyoka's batch mode, our own Taylor series, our own scalar loop, diffrax, SciPy and MuJoCo; what
-threads and the estimate of the error cost. Into build/whole.json.
+threads and the estimate of the error cost. Into build/whole.json, and what each took for each error
+into build/whole_curves.json.
 
     python benchmarks/ensembles.py [MODEL …]
 
@@ -33,6 +34,7 @@ from codegen import compiler
 from codegen.passes import program
 from hamel.simulate.exact import Problem, solution
 
+CURVES = OUT.with_name("whole_curves.json")
 MANY, CHECKED, TRIED = 4096, 3, 256  # motions; those compared with many digits; for the settings
 ROUNDS = 5
 INTEGRATORS = ("dop853", "verner9")
@@ -79,6 +81,7 @@ class Place:
 
     def __init__(self, many: Many) -> None:
         self.many, self.site = many, Site(many.scene)
+        self.tried: dict[str, list[tuple[float, float]]] = {}  # by peer, µs a motion and the error
         folder = BUILD / "ensembles" / many.scene.name
         built = hamel.build(
             trajectories._file(many.scene),
@@ -188,11 +191,13 @@ class Chosen:
 
 
 def tuned(of: Ensemble, place: Place, count: int = TRIED) -> dict[float, Chosen]:
-    """For each error the setting that meets it in the least time."""
+    """For each error the setting that meets it in the least time; what each took is kept for the
+    plot."""
     best: dict[float, Chosen] = {}
     for setting in of.settings:
         seconds, ends = of.run(setting, place.starts[:count])
         wrong = place.error(ends)
+        place.tried.setdefault(of.peer, []).append((1e6 * seconds / count, wrong))
         for most in ERRORS:
             if wrong <= most and (most not in best or seconds / count < best[most].seconds):
                 best[most] = Chosen(of, setting, seconds / count)
@@ -219,8 +224,8 @@ def in_turn(chosen: Sequence[tuple[Chosen, int]], place: Place) -> list[float]:
 Row = dict[str, Any]
 
 
-def rows(many: Many) -> Iterator[Row]:
-    place = Place(many)
+def rows(place: Place) -> Iterator[Row]:
+    many = place.many
     own = [tuned(each, place) for each in place.ours()]
     series_of_ours = ((f"our {each.peer}", each) for each in place.ours(SERIES))
     peers = {key: tuned(each, place) for key, each in (*_taylor(place), *series_of_ours)}
@@ -354,12 +359,20 @@ def main(names: Sequence[str]) -> int:
     for many in SCENES:
         if names and many.scene.name not in names:
             continue
+        place = Place(many)
         found: list[Row] = []
-        for row in rows(many):
+        for row in rows(place):
             found.append(row)
             print(line(row), flush=True)
         _kept(many.scene.name, found)
+        _plotted(many.scene.name, place.tried)
     return 0
+
+
+def _plotted(model: str, tried: dict[str, list[tuple[float, float]]]) -> None:
+    """What each contender took for each error, beside other models, for the plot."""
+    before = json.loads(CURVES.read_text()) if CURVES.exists() else {}
+    CURVES.write_text(json.dumps({**before, model: tried}, indent=1, ensure_ascii=False) + "\n")
 
 
 def _kept(model: str, found: Sequence[Row]) -> None:

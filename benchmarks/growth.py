@@ -38,7 +38,6 @@ FUNCTIONS = ("dynamics", "bias", "inverse_dynamics", "power", "state")
 LONGEST = 60  # processor seconds for a peer
 MOST = 8 << 30  # bytes for a peer: Pinocchio's data grow with the cube of the length
 FEW = (2, 3, 5, 8, 12)  # links besides those asked for, of a peer that does not come far
-WIDTH, HEIGHT = 510, 420  # of one chart and the room around it
 ROWS = 64  # states side by side
 STAGES = ("model", "mechanics", "formulation", "passes", "emit", "compile", "verify")
 SPEEDS = ("evaluate", "lanes")
@@ -200,20 +199,18 @@ def _exponents(rows: list[dict[str, Any]]) -> str:
 def _drawn(found: dict[str, list[dict[str, Any]]]) -> str:
     """Four charts, both axes logarithmic, two by two: how long until a module is there, by stages;
     its forward dynamics."""
-    from hamel.draw import Series, chart
+    from hamel.draw import Series, chart, side_by_side
 
     def series(kind: str, name: str) -> Series:
         return Series(
             LABELS[kind], [(row["links"], row[name]) for row in found[kind] if name in row]
         )
 
-    parts = []
-    for k, (name, title) in enumerate(CHARTS.items()):
+    charts = []
+    for name, title in CHARTS.items():
         shown = [kind for kind in KINDS if any(name in row for row in found.get(kind, []))]
-        drawn = chart(title, "links", "s", [series(kind, name) for kind in shown])
-        parts.append(drawn.replace("<svg ", f'<svg x="{k % 2 * WIDTH}" y="{k // 2 * HEIGHT}" ', 1))
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {2 * WIDTH} {2 * HEIGHT}" role="img">'
-    return f'{head}\n<rect width="100%" height="100%" fill="#fff"/>\n{"".join(parts)}</svg>\n'
+        charts.append(chart(title, "links", "s", [series(kind, name) for kind in shown]))
+    return side_by_side(charts)
 
 
 def measured(text: str, n: int) -> dict[str, Any]:

@@ -4,7 +4,8 @@ written by hand.
     python benchmarks/report_page.py
 
 From build/report/report.json come the three plots and the table of extreme cases, from
-build/whole.json the table of whole simulations. What was not run keeps what is there.
+build/whole.json the table of whole simulations, from build/whole_curves.json the plot of
+docs/methods.md of many motions. What was not run keeps what is there.
 """
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hamel.draw import Series, chart, side_by_side
 from hamel.records import ExtremeRow
 from hamel.study.plots import error_charts, extremes_chart
 
 REPORT, WHOLE, DOCS = Path("build/report/report.json"), Path("build/whole.json"), Path("docs")
+CURVES = Path("build/whole_curves.json")
 END = "<!-- so far -->"
 PLOTS = {
     "four_bar": ("report-four-bar.svg", 0),
@@ -173,7 +176,34 @@ def found() -> Iterator[tuple[str, str]]:
         yield "whole simulations", simulations(json.loads(WHOLE.read_text("utf-8")))
 
 
+def many_motions(found: Mapping[str, Mapping[str, Sequence[Sequence[float]]]]) -> str:
+    """Error at the end over time a motion takes, of every contender, a chart for each model."""
+    return side_by_side(
+        [
+            chart(
+                f"{model}: error at the end",
+                "µs a motion",
+                "error",
+                [
+                    Series(_contender(name), [(t, e) for t, e in curve])
+                    for name, curve in of.items()
+                ],
+            )
+            for model, of in found.items()
+        ]
+    )
+
+
+def _contender(name: str) -> str:
+    """Ours by the integrator alone, but where nothing is enforced though it could be."""
+    integrator, _, enforcement = name.partition(", ")
+    ours = enforcement in ("None", "none", "projection")
+    return f"hamel {integrator}, {enforcement}".removesuffix(", None") if ours else name
+
+
 def plots() -> Iterator[tuple[str, str]]:
+    if CURVES.exists():
+        yield "many-motions.svg", many_motions(json.loads(CURVES.read_text("utf-8")))
     if not REPORT.exists():
         return
     found = json.loads(REPORT.read_text("utf-8"))

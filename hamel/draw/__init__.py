@@ -2,7 +2,17 @@
 numbers."""
 
 from hamel.draw.axis import Axis, linear, logarithmic
-from hamel.draw.chart import Series, chart
+from hamel.draw.chart import Series, chart, side_by_side
 from hamel.draw.panels import Curve, Panel, draw
 
-__all__ = ["Axis", "Curve", "Panel", "Series", "chart", "draw", "linear", "logarithmic"]
+__all__ = [
+    "Axis",
+    "Curve",
+    "Panel",
+    "Series",
+    "chart",
+    "draw",
+    "linear",
+    "logarithmic",
+    "side_by_side",
+]

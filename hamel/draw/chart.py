@@ -24,6 +24,7 @@ from hamel.draw.canvas import (
 )
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM, COLUMNS = 500, 290, 50, 14, 34, 48, 2
+APART = 10  # charts side by side
 DASHES = ("", "6 3", "2 3")  # for the second and third round through the colours
 FLOOR = 1e-18
 ROOM = 33  # letters of a legend entry
@@ -64,6 +65,22 @@ def chart(
         parts += _entry(one, index)
     rows = -(-len(entries) // COLUMNS)
     return document(WIDTH, TOP + HEIGHT + BOTTOM + ENTRY * rows, parts)
+
+
+def side_by_side(charts: Sequence[str], columns: int = 2) -> str:
+    """Charts in one document, row after row; a row is as high as its highest."""
+    rows = [charts[i : i + columns] for i in range(0, len(charts), columns)]
+    parts, top = [], 0
+    for row in rows:
+        for k, drawn in enumerate(row):
+            parts.append(drawn.replace("<svg ", f'<svg x="{k * (WIDTH + APART)}" y="{top}" ', 1))
+        top += max(map(_height, row)) + APART
+    return document(columns * (WIDTH + APART), top, parts)
+
+
+def _height(drawn: str) -> int:
+    """Of a document, from its view box."""
+    return int(drawn.split('viewBox="', 1)[1].split('"', 1)[0].split()[3])
 
 
 def _frame(series: Sequence[Series], log: tuple[bool, bool]) -> Frame:

@@ -40,7 +40,9 @@ from hamel.sweep.plan import Asked, Plan, planned
 
 ROOT = Path(__file__).resolve().parent.parent
 CORES = os.cpu_count() or 1
-CHUNKS = (16, 64, 256, 1024, 4096)  # motions
+CHUNKS = (16, 128, 1024, 8192)  # motions; the last ones take a core a third of a second
+FEW, MUCH = 1, 5  # of the longest chunks for each core, or of so many short ones:
+SHORT = 64
 PROCESSOR = ", processor time"
 METHOD = Method("quasi_velocities", None, None, "dop853", None, 1e-9, None)
 
@@ -133,14 +135,15 @@ def shares(engines: dict[str, Engine], rounds: int) -> dict[str, list[tuple[int,
     What a sweep takes to start is left out: between few motions and many."""
     names = [name + how for name in engines for how in ("", PROCESSOR)]
     found: dict[str, list[tuple[int, float]]] = {name: [] for name in names}
-    some = CHUNKS[-1] * CORES  # a chunk for every core
-    kernel = bare(plan(2 * some, CHUNKS[-1], 5.0))
+    kernel = bare(plan(CHUNKS[-1] * CORES, CHUNKS[-1], 5.0))
     for chunk in CHUNKS:
-        few, many = (plan(count, chunk, 5.0) for count in (some, 3 * some))
+        some = CORES * min(CHUNKS[-1], SHORT * chunk)
+        few, many = (plan(times * some, chunk, 5.0) for times in (FEW, MUCH))
         calls = [partial(swept, of, by) for by in engines.values() for of in (few, many)]
         alone, *seconds = least(rounds, kernel, *calls)
         for name, short, long in zip(engines, seconds[::2], seconds[1::2]):
-            for how, share in zip(("", PROCESSOR), alone / (long - short)):
+            fair = alone * (MUCH - FEW) * some / (CHUNKS[-1] * CORES)
+            for how, share in zip(("", PROCESSOR), fair / (long - short)):
                 found[name + how].append((chunk, float(share)))
     return found
 

@@ -48,10 +48,14 @@ WHY = {
     "threads": "two threads share a clock and a cache, or a busy machine: run alone",
     "estimate": "a second motion at another tolerance goes beside each: docs/methods.md, Many motions at "
     "a time",
+    "projection": "a Newton step and two sets of constraints at the end of each step: docs/methods.md, Many "
+    "motions at a time",
     "diffrax": "XLA makes vector instructions of the batch, too: docs/methods.md, Many motions at a "
     "time",
     "MuJoCo": "docs/methods.md, Many motions at a time",
 }
+MORE = 1.25  # at most, with all that a prototype left out
+FAR = 'events: {far: "q0 + q1 - 50 rad", beyond: "q0 + 60 rad"}'
 PYTHON = 1e-8  # the error at which peers from Python are compared
 
 
@@ -82,16 +86,8 @@ class Place:
     def __init__(self, many: Many) -> None:
         self.many, self.site = many, Site(many.scene)
         self.tried: dict[str, list[tuple[float, float]]] = {}  # by peer, µs a motion and the error
-        folder = BUILD / "ensembles" / many.scene.name
-        built = hamel.build(
-            trajectories._file(many.scene),
-            choice=self.site.equations.choice,
-            out=folder,
-            constants="all",
-            integrators=(*INTEGRATORS, *SERIES),
-        )
-        self.folder: Path = built.folder
-        self.module: ModuleType = hamel.load(built.folder)
+        self.folder = built(trajectories._file(many.scene), self.site, many.scene.name)
+        self.module: ModuleType = hamel.load(self.folder)
         self.starts = self._starts()
         self.ends = np.array([self._end(x) for x in self.starts[:CHECKED]])
 
@@ -122,26 +118,8 @@ class Place:
     def error(self, ends: np.ndarray) -> float:
         return float(np.max(np.abs(ends[:CHECKED] - self.ends) / self.site.scales))
 
-    def ours(self, integrators: Sequence[str] = INTEGRATORS, /, **more: Any) -> Iterator[Ensemble]:
-        """By each of the integrators and enforcement of the module."""
-        span, u = self.site.scene.span, self.site.u
-        for integrator in integrators:
-            for enforcement in self.module.enforcements or (None,):
-
-                def run(
-                    setting: float, x: np.ndarray, integrator: str = integrator,
-                    enforcement: str | None = enforcement,
-                ) -> tuple[float, np.ndarray]:  # fmt: skip
-                    how = {"rtol": 10.0**setting, "atol": 10.0**setting / 100, **more}
-                    return ensembles.timed(
-                        lambda: self.module.simulate(
-                            (0.0, span), x, u, times=[span], integrator=integrator,
-                            enforcement=enforcement, **how,
-                        ).x[:, -1],
-                        time.perf_counter if "threads" in more else time.process_time,
-                    )  # fmt: skip
-
-                yield Ensemble(f"{integrator}, {enforcement}", run)
+    def ours(self, integrators: Sequence[str] = INTEGRATORS, **more: Any) -> Iterator[Ensemble]:
+        return ours(self.site, self.module, integrators, **more)
 
     def heyoka(self) -> Iterator[tuple[str, Ensemble]]:
         site, span = self.site, self.site.scene.span
@@ -166,6 +144,41 @@ class Place:
                 yield make()
             except Unavailable as error:
                 print(f"{self.site.scene.name:10}{error}", file=sys.stderr)
+
+
+def built(model: Path, site: Site, name: str) -> Path:
+    """The folder of its module, in the choice of the site, with all numbers folded in."""
+    return hamel.build(
+        model,
+        choice=site.equations.choice,
+        out=BUILD / "ensembles" / name,
+        constants="all",
+        integrators=(*INTEGRATORS, *SERIES),
+    ).folder
+
+
+def ours(
+    site: Site, module: ModuleType, integrators: Sequence[str] = INTEGRATORS, **more: Any
+) -> Iterator[Ensemble]:
+    """By each of the integrators and enforcements of the module."""
+    span, u = site.scene.span, site.u
+    for integrator in integrators:
+        for enforcement in module.enforcements or (None,):
+
+            def run(
+                setting: float, x: np.ndarray, integrator: str = integrator,
+                enforcement: str | None = enforcement,
+            ) -> tuple[float, np.ndarray]:  # fmt: skip
+                how = {"rtol": 10.0**setting, "atol": 10.0**setting / 100, **more}
+                return ensembles.timed(
+                    lambda: module.simulate(
+                        (0.0, span), x, u, times=[span], integrator=integrator,
+                        enforcement=enforcement, **how,
+                    ).x[:, -1],
+                    time.perf_counter if "threads" in more else time.process_time,
+                )  # fmt: skip
+
+            yield Ensemble(f"{integrator}, {enforcement}", run)
 
 
 def _same(rows: np.ndarray) -> np.ndarray:
@@ -290,7 +303,8 @@ def _beside(many: Many, place: Place, mine: Chosen) -> Iterator[Row]:
 
 
 def _costs(many: Many, place: Place, mine: Chosen) -> Iterator[Row]:
-    """Threads beside one, and the estimate of the error beside none, with the same setting."""
+    """Threads beside one, and the estimate of the error, projection and events beside none, with the
+    same setting."""
     name = mine.ensemble.peer
     for what, more, target in (
         (f"{CORES} threads beside one", {"threads": CORES}, 0.55 if CORES == 2 else None),
@@ -298,7 +312,8 @@ def _costs(many: Many, place: Place, mine: Chosen) -> Iterator[Row]:
     ):
         less = {"threads": 1} if "threads" in more else {}
         with_it, without = (
-            Chosen(_named(place, name, given), mine.setting, mine.seconds) for given in (more, less)
+            Chosen(_named(place.ours(**given), name), mine.setting, mine.seconds)
+            for given in (more, less)
         )
         if "threads" in more:
             pinned(CORES)
@@ -306,10 +321,32 @@ def _costs(many: Many, place: Place, mine: Chosen) -> Iterator[Row]:
         if "threads" in more:
             pinned()
         yield _row(many, PYTHON, what, (with_it, seconds), plain, target)
+    if name.endswith(", none") and "projection" in place.module.enforcements:
+        projected = _named(place.ours(), name.replace(", none", ", projection"))
+        yield _dearer(many, place, mine, projected, "with projection and guards beside none")
+    if many.scene.links:
+        watched = _named(ours(place.site, _watched(place)), name)
+        yield _dearer(many, place, mine, watched, "with two far events beside none")
 
 
-def _named(place: Place, name: str, more: dict[str, Any]) -> Ensemble:
-    return next(each for each in place.ours(**more) if each.peer == name)
+def _dearer(many: Many, place: Place, mine: Chosen, dear: Ensemble, what: str) -> Row:
+    chosen = Chosen(dear, mine.setting, mine.seconds)
+    plain, seconds = in_turn([(mine, MANY), (chosen, MANY)], place)
+    return _row(many, PYTHON, what, (chosen, seconds), plain, MORE)
+
+
+def _watched(place: Place) -> ModuleType:
+    """The module of the same chain with events that do not happen."""
+    scene = place.many.scene
+    name = f"{scene.name}_watched"
+    text = trajectories._file(scene).read_text().replace(f"model: {scene.name}", f"model: {name}")
+    model = BUILD / "ensembles" / f"{name}.yaml"
+    model.write_text(text.replace("initial:", f"{FAR}\ninitial:"))
+    return hamel.load(built(model, place.site, name))
+
+
+def _named(found: Iterator[Ensemble], name: str) -> Ensemble:
+    return next(each for each in found if each.peer == name)
 
 
 def _row(

@@ -533,7 +533,7 @@ def _tableau(method: Tableau, lanes: bool) -> list[str]:
     if lanes and method.dense:
         rough = f"{name}_rough[0]"
         rows = (_list(row) for row in _rough(method.c[a], method.c[b]))
-        through = [f"static const double {name}_rough[6][6] = {{{', '.join(rows)}}};"]
+        through = [f"static const double {name}_rough[8][6] = {{{', '.join(rows)}}};"]
     return [
         *through,
         f"static const double {name}_c[] = {_list((*method.c[1:], *dense.c))};",
@@ -555,14 +555,21 @@ def _insides(method: Tableau) -> tuple[int, int]:
 
 def _rough(first: Fraction, third: Fraction) -> list[list[Fraction]]:
     """The polynomial of degree 5 through both ends of a step, with their slopes and those of two
-    stages: its powers of sigma = 2 theta - 1 from y, z and h times the slopes."""
+    stages: its powers of sigma = 2 theta - 1 from y, z and h times the slopes, and its values after
+    one and two thirds of the step."""
     places = [Fraction(-1), Fraction(1)]
     slopes = [*places, 2 * first - 1, 2 * third - 1]
     rows = [[place**n for n in range(6)] for place in places]
     rows += [[n * place ** (n - 1) if n else Fraction(0) for n in range(6)] for place in slopes]
     scales = [Fraction(1)] * 2 + [Fraction(1, 2)] * 4  # a slope by sigma is half of one by theta
     unit = [[scales[i] if i == k else Fraction(0) for k in range(6)] for i in range(6)]
-    return _solved([row + right for row, right in zip(rows, unit)])
+    powers = _solved([row + right for row, right in zip(rows, unit)])
+    thirds = [Fraction(-1, 3), Fraction(1, 3)]
+    columns = [*zip(*powers)]
+    values = [
+        [sum(a * sigma**n for n, a in enumerate(each)) for each in columns] for sigma in thirds
+    ]
+    return [*powers, *values]
 
 
 def _solved(rows: list[list[Fraction]]) -> list[list[Fraction]]:

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import re
 from dataclasses import fields
 from types import SimpleNamespace
 
@@ -10,7 +11,9 @@ import pytest
 
 import hamel
 from derive.diagnostics import AssumptionError, HamelError, ModelError, ToolchainError
+from derive.formulations.requests import request_of
 from hamel.build.options import affordable
+from hamel.build.stages import equations_of, program_of
 from hamel.records import as_json
 from tests.scenes import MODELS
 
@@ -197,6 +200,28 @@ def test_list_of_a_model():
     assert {"jacobian_values", "step_sensitivity", "linearization"} <= {
         item.name for item in named["functions on request"]
     }
+
+
+@pytest.mark.parametrize("name", ["cart_pole", "gallery/dc_motor", "pendulum", "car_axis"])
+def test_every_function_that_is_listed_is_built(name):
+    """And what is refused is refused by a build for the reason that the list gives."""
+    path = MODELS / f"{name}.yaml"
+    listed, found = hamel.list(path).kinds, equations_of(path)
+    for item in listed["functions on request"]:
+        assert item.name in {x.name for x in program_of(found, [item.name]).kernels} or (
+            request_of(found, item.name).needs
+        )
+    for item in listed.get("functions refused", ()):
+        with pytest.raises(AssumptionError, match=re.escape(item.about)):
+            program_of(found, [item.name])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["four_bar", "snakeboard", "free_body", "gallery/quadrotor_slung_load"]
+)
+def test_every_function_of_larger_models_is_built(name):
+    test_every_function_that_is_listed_is_built(name)
 
 
 def test_schema_accepts_no_unknown_keys():

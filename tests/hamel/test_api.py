@@ -3,7 +3,7 @@
 import importlib
 import json
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +15,9 @@ from derive.formulations.requests import request_of
 from hamel.build.options import affordable
 from hamel.build.stages import equations_of, program_of
 from hamel.records import as_json
+from hamel.verbs.choices import recommendation
 from tests.scenes import MODELS
+from tests.texts import ARM
 
 
 def test_every_verb_is_a_function():
@@ -159,6 +161,16 @@ def test_choices_say_why():
         choice.worst >= choice.condition >= 1 and 0 < choice.least_pivot <= 1
         for choice in found.choices
     )
+
+
+def test_choices_do_not_refuse_what_is_built(tmp_path):
+    """A file without choices is built with `auto`, which stands in the table by its speeds."""
+    (tmp_path / "arm.yaml").write_text(ARM)
+    record = hamel.choices(tmp_path / "arm.yaml")
+    assert record.default not in {x.name for x in record.choices}
+    assert "cannot be used" not in recommendation(record)
+    refused = replace(record, refused={record.default: "it does not fit"})
+    assert f"'{record.default}', cannot be used here" in recommendation(refused)
 
 
 def test_choices_are_drawn_along_the_motion(tmp_path):

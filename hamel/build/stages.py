@@ -80,7 +80,7 @@ def usable_choices(
     usable, refused = {}, {}
     for number, choice in enumerate(mechanics.model.choices):
         try:
-            formed = equations(mechanics, choice.name, formulation, moving=True)
+            formed = with_linearization(equations(mechanics, choice.name, formulation, moving=True))
         except AssumptionError as error:
             if number == 0:
                 raise

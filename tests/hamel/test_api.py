@@ -229,6 +229,14 @@ def test_every_function_that_is_listed_is_built(name):
 
 
 @pytest.mark.slow
+def test_every_function_that_is_listed_is_verified():
+    """By name, `linearization` among them, each against what the reference says."""
+    path = MODELS / "gallery" / "dc_motor.yaml"
+    names = [item.name for item in hamel.list(path).kinds["functions on request"]]
+    assert hamel.verify(path, states=3, functions=[*names, "pose_shaft"]).passed
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["four_bar", "snakeboard", "free_body", "gallery/quadrotor_slung_load"]
 )

@@ -226,6 +226,19 @@ def test_what_follows_a_joint_of_a_loop_is_not_independent(ratio, tmp_path):
     assert speed in ("l_dot", "m_dot", "r_dot")
 
 
+def test_a_joint_named_like_the_rate_of_another_has_a_column_of_its_own(tmp_path):
+    joints = [
+        JOINT.format(*row, "", "0 0 1") for row in (("q", "base", "la"), ("q_dot", "la", "lb"))
+    ]
+    links = [LINK.format(name, 1, 0.1, 0.2, 0.15) for name in ("la", "lb")]
+    file = tmp_path / "q.urdf"
+    file.write_text("".join(['<robot name="qq"><link name="base"/>', *links, *joints, "</robot>"]))
+    found = system(imported(file).model)
+    for formulation in ("quasi_velocities", "augmented"):
+        names = equations(found, None, formulation).arguments[1].labels
+        assert names == ("q", "q_dot", "q_dot_w", "q_dot_dot")
+
+
 TRANSMISSION = """<transmission name="{0}"><type>transmission_interface/SimpleTransmission</type>
 <joint name="{1}"><hardwareInterface>EffortJointInterface</hardwareInterface></joint>
 <actuator name="m"><mechanicalReduction>{2}</mechanicalReduction>{3}</actuator></transmission>"""

@@ -79,7 +79,7 @@ def program(
     if SERIES in named and roll == AUTO:
         roll = NEVER  # loops over links have no recurrences
     chosen, loops = selection(equations, functions, roll), loops_asked(equations, functions)
-    if equations.charts and equations.frame:  # what keeps the frame of a chart comes with dynamics
+    if equations.frame:  # what keeps the frame, and gives its numbers, comes with dynamics
         chosen = selection(equations, ["dynamics", *(function.name for function in chosen)], roll)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:

@@ -94,7 +94,7 @@ def program(
         called = {*further, *(name for loop in loops for name in loop.needs[1:])}
         check_size([function for function in chosen if function.name in called])
     charts = (equations, *equations.charts)
-    if len(charts) > 1:
+    if len(charts) > 1 or equations.frame:
         chosen = selection(
             equations, [*(function.name for function in chosen), *for_charts(equations)]
         )

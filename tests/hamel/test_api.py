@@ -237,9 +237,7 @@ def test_every_function_that_is_listed_is_verified():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["four_bar", "snakeboard", "free_body", "gallery/quadrotor_slung_load"]
-)
+@pytest.mark.parametrize("name", ["four_bar", "free_body"])
 def test_every_function_of_larger_models_is_built(name):
     test_every_function_that_is_listed_is_built(name)
 

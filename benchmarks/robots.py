@@ -346,9 +346,10 @@ def _check_state(
 
 
 def _note(report: Report, name: str, ours: np.ndarray, theirs: np.ndarray) -> None:
+    size = float(np.max(np.abs(theirs))) or 1.0  # where theirs is zero, ours has to be as well
     error = (
-        float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs)))
-        if np.all(np.isfinite(ours))
+        float(np.max(np.abs(ours - theirs))) / size
+        if np.all(np.isfinite(ours - theirs))
         else np.inf
     )
     report.errors[name] = max(report.errors.get(name, 0.0), error)

@@ -79,7 +79,7 @@ def program(
     if SERIES in named and roll == AUTO:
         roll = NEVER  # loops over links have no recurrences
     chosen, loops = selection(equations, functions, roll), loops_asked(equations, functions)
-    if equations.charts and equations.frame:  # what keeps the frame of a chart comes with dynamics
+    if equations.frame:  # what keeps the frame, and gives its numbers, comes with dynamics
         chosen = selection(equations, ["dynamics", *(function.name for function in chosen)], roll)
     simulates = any(function.name == "dynamics" for function in chosen)
     if simulates:
@@ -94,7 +94,7 @@ def program(
         called = {*further, *(name for loop in loops for name in loop.needs[1:])}
         check_size([function for function in chosen if function.name in called])
     charts = (equations, *equations.charts)
-    if len(charts) > 1:
+    if len(charts) > 1 or equations.frame:
         chosen = selection(
             equations, [*(function.name for function in chosen), *for_charts(equations)]
         )

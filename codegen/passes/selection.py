@@ -42,8 +42,8 @@ def chart_suffix(number: int) -> str:
 
 
 def for_charts(equations: Equations) -> list[str]:
-    """What carries a state from one chart to another, and tells how good a chart is where it has
-    something to tell."""
+    """What carries a state from one chart, or frame, to another, and tells how good it is where it
+    has something to tell."""
     known = [request.name for request in equations.requests]
     return ["velocity", "state", *(name for name in ("guards",) if name in known)]
 

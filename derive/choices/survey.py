@@ -240,6 +240,10 @@ def _ways(blocks: Sequence[Sequence[Sequence[RowForm]]]) -> list[tuple[int, ...]
 
 
 def speed_name(system: System, j: int) -> str:
-    """What the quasi-velocity that is generalized velocity j is called."""
+    """What the quasi-velocity that is generalized velocity j is called: q_dot, base_vx; with _w
+    behind it where an entry of the state has that name already."""
     velocity = system.model.velocities[j]
-    return f"{velocity.rate_of}_dot" if velocity.rate_of else velocity.name.replace(".", "_")
+    name = f"{velocity.rate_of}_dot" if velocity.rate_of else velocity.name.replace(".", "_")
+    while system.model.is_state(name):
+        name += "_w"
+    return name

@@ -11,7 +11,7 @@ from derive.choices.explicit import Explicit
 from derive.choices.pivots import quadratic_guards, solved
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
-from derive.choices.survey import Survey
+from derive.choices.survey import Survey, speed_name
 from derive.expressions.deferred import passed_on
 from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.control import control
@@ -98,7 +98,7 @@ def in_generalized_velocities(
     system = survey.system
     motion = Motion(
         w=system.v,
-        names=tuple(identifier(v.name) for v in system.model.velocities),
+        names=tuple(speed_name(system, j) for j in range(system.v.numel())),
         units=tuple(v.unit for v in system.model.velocities),
         B=ca.SX.eye(system.v.numel()),
         v=system.v,
@@ -161,11 +161,6 @@ def _finished(
         ),
         families=families(system, motion),
     )
-
-
-def identifier(name: str) -> str:
-    """der(q) → q_dot, base.vx → base_vx."""
-    return name.replace("der(", "").replace(")", "_dot").replace(".", "_")
 
 
 def entries(vector: ca.SX) -> Vector:

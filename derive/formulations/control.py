@@ -16,7 +16,7 @@ from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import cheapest
 from derive.expressions.scalars import Vector
-from derive.formulations.distribution import distribution
+from derive.formulations.distribution import check_reach, distribution
 from derive.formulations.functions import (
     Minimal,
     Motion,
@@ -52,8 +52,8 @@ OUTPUTS = "Jacobian ∂y/∂x of the outputs by the state, ny × nx"
 
 
 def control(system: System, motion: Motion) -> tuple[Request, ...]:
-    """The requests that there is something for; in generalized velocities, where multipliers hold
-    the constraints, only `outputs_jacobian`."""
+    """The requests, each with what it takes of the model; in generalized velocities, where
+    multipliers hold the constraints, only `outputs_jacobian`."""
     return (*_over_quasi_velocities(system, motion, motion.minimal), *_outputs(system, motion))
 
 
@@ -63,17 +63,40 @@ def _over_quasi_velocities(system: System, motion: Motion, of: Minimal | None) -
     yield Request("partial_velocities", PARTIAL, lambda: _partial(system, motion, of))
     if system.written:
         yield Request("mass_w", MASS, lambda: _mass(motion, of))
-        yield Request("coriolis_w", CORIOLIS, lambda: _coriolis(system, motion, of))
+        yield Request(
+            "coriolis_w",
+            CORIOLIS,
+            lambda: _coriolis(system, motion, of),
+            condition=lambda: _check_coriolis(system, of),
+        )
     yield Request("bias_w", BIAS, lambda: _bias(system, motion, of))
     yield Request("gravity_w", GRAVITY, lambda: _gravity(system, motion, of))
-    if system.u.numel():
-        yield Request("input_map", INPUTS, lambda: _input_map(system, motion, of))
-        yield Request("inverse_dynamics_u", INVERSE, lambda: _inverse(system, motion, of))
+    yield Request(
+        "input_map",
+        INPUTS,
+        lambda: _input_map(system, motion, of),
+        condition=lambda: _check_inputs(system),
+    )
+    yield Request(
+        "inverse_dynamics_u",
+        INVERSE,
+        lambda: _inverse(system, motion, of),
+        condition=lambda: _check_inverse(system, motion, of),
+    )
 
 
 def _outputs(system: System, motion: Motion) -> Iterator[Request]:
-    if system.outputs:
-        yield Request("outputs_jacobian", OUTPUTS, lambda: _outputs_jacobian(system, motion))
+    yield Request(
+        "outputs_jacobian",
+        OUTPUTS,
+        lambda: _outputs_jacobian(system, motion),
+        condition=lambda: _check_outputs(system),
+    )
+
+
+def _check_outputs(system: System) -> None:
+    if not system.outputs:
+        raise AssumptionError(f"{system.model.name} has no outputs", "`outputs:` names them")
 
 
 def _partial(system: System, motion: Motion, of: Minimal) -> Function:
@@ -118,8 +141,10 @@ def _without_inputs(system: System, expression: ca.SX) -> ca.SX:
     return ca.substitute(expression, system.u, ca.SX.zeros(system.u.numel()))
 
 
-def _of_inputs(system: System, of: Minimal) -> ca.SX:
-    """B_w; refused where a force is no linear function of the inputs."""
+def _check_inputs(system: System) -> None:
+    """Forces have to be a linear function of the inputs, whatever the velocities are."""
+    if not system.u.numel():
+        raise AssumptionError(f"{system.model.name} has no inputs", "`inputs:` names them")
     B = ca.jacobian(system.Q, system.u)
     if ca.depends_on(B, system.u):
         raise AssumptionError(
@@ -132,7 +157,17 @@ def _of_inputs(system: System, of: Minimal) -> ca.SX:
             "input_map",
             "use the force itself as the input",
         )
-    return ca.sparsify(ca.mtimes(of.S.T, B))
+
+
+def _of_inputs(system: System, of: Minimal) -> ca.SX:
+    """B_w."""
+    return ca.sparsify(ca.mtimes(of.S.T, ca.jacobian(system.Q, system.u)))
+
+
+def _check_inverse(system: System, motion: Motion, of: Minimal) -> None:
+    """The inputs have to reach every force over w."""
+    _check_inputs(system)
+    check_reach(system, motion, _of_inputs(system, of))
 
 
 def _inverse(system: System, motion: Motion, of: Minimal) -> Function:
@@ -175,7 +210,6 @@ def _with_rates(system: System, motion: Motion, wdot: ca.SX) -> Argument:
 def _coriolis(system: System, motion: Motion, of: Minimal) -> Function:
     """Sᵀ (C S + M Ṡ) of the tree's C: Ṁ_w = C_w + C_wᵀ holds with it, whatever S is, so with loops
     and nonholonomic constraints as well."""
-    _check_coriolis(system, of)
     qdot = ca.substitute(system.qdot, system.v, motion.v)
     turning = ca.jtimes(of.S, system.q, qdot)
     v = [system.v[j] for j in range(system.v.numel())]

@@ -158,9 +158,18 @@ def _jacobians(dynamics: Function, by: Argument, ways: Ways) -> tuple[Request, R
     return (
         Request(name, about, lambda: _dense(dynamics, by, name, about, ways)),
         Request(
-            f"{name}_values", values, lambda: _values(dynamics, by, f"{name}_values", values, ways)
+            f"{name}_values",
+            values,
+            lambda: _values(dynamics, by, f"{name}_values", values, ways),
+            condition=lambda: _check_entries(dynamics, by, f"{name}_values"),
         ),
     )
+
+
+def _check_entries(dynamics: Function, by: Argument, name: str) -> None:
+    """There have to be any entries; a long ẋ is not written out only to tell."""
+    if dynamics.result.written and not ca.depends_on(dynamics.result.value, by.symbols):
+        raise AssumptionError(f"{name} would be empty: ẋ does not depend on {_BY[by.name]}")
 
 
 def _dense(dynamics: Function, by: Argument, name: str, about: str, ways: Ways) -> Function:
@@ -172,8 +181,7 @@ def _dense(dynamics: Function, by: Argument, name: str, about: str, ways: Ways) 
 
 def _values(dynamics: Function, by: Argument, name: str, about: str, ways: Ways) -> Function:
     jacobian = ways.jacobian(by)
-    if not jacobian.nnz():
-        raise AssumptionError(f"{name} would be empty: ẋ does not depend on {_BY[by.name]}")
+    _check_entries(dynamics, by, name)
     # CasADi stores by columns: those of the transpose are the rows wanted
     rows, columns = jacobian.T.sparsity().get_triplet()[::-1]
     labels = tuple(f"{dynamics.result.labels[i]} by {by.labels[j]}" for i, j in zip(rows, columns))

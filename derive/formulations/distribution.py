@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from derive.choices.limits import SINGULAR, SQUARED
 from derive.choices.records import Guard
@@ -31,15 +32,25 @@ class Distribution:
     guards: tuple[Guard, ...]
 
 
-def distribution(system: System, motion: Motion, B: ca.SX, needed: Vector) -> Distribution:
-    """u of B u = needed (nw). Raises AssumptionError where some force is out of reach of the
-    inputs: with fewer inputs than degrees of freedom, or where B has not full rank at sampled
-    states."""
-    table = scalars(B)
-    pieces = _pieces(table)
+def check_reach(system: System, motion: Motion, B: ca.SX) -> None:
+    """Raises AssumptionError where some force is out of reach of the inputs: with fewer inputs than
+    degrees of freedom, or where B has not full rank at any of the sampled states."""
+    pieces = _pieces(scalars(B))
     for rows, columns in pieces:
         if len(rows) > len(columns):
             raise AssumptionError(_out_of_reach(system, motion, rows, columns), _HINT)
+    values = _at_samples(system, motion, B)
+    for rows, columns in pieces:
+        blocks = values[:, rows][:, :, columns]
+        ranks = [int(np.linalg.matrix_rank(block)) for block in blocks]
+        if ranks and max(ranks) < len(rows):
+            raise AssumptionError(_act_alike(system, motion, rows, columns, max(ranks)), _HINT)
+
+
+def distribution(system: System, motion: Motion, B: ca.SX, needed: Vector) -> Distribution:
+    """u of B u = needed (nw), where `check_reach` has nothing to say."""
+    table = scalars(B)
+    pieces = _pieces(table)
     u: Vector = [0.0] * system.u.numel()
     guards: list[Guard] = []
     for rows, columns in pieces:
@@ -64,6 +75,17 @@ def _out_of_reach(system: System, motion: Motion, rows: list[int], columns: list
     return (
         f"{system.model.name}: {inputs} cannot give every ẇ of {names}: {len(columns)} for "
         f"{len(rows)}"
+    )
+
+
+def _act_alike(
+    system: System, motion: Motion, rows: list[int], columns: list[int], rank: int
+) -> str:
+    names = ", ".join(motion.names[i] for i in rows)
+    inputs = ", ".join(system.model.inputs[j].name for j in columns)
+    return (
+        f"{system.model.name}: {inputs} cannot give every ẇ of {names}: their effects depend on "
+        f"each other, {rank} for {len(rows)}"
     )
 
 
@@ -105,16 +127,18 @@ def _guards(
 
 
 def _largest(system: System, motion: Motion, values: ca.SX) -> list[float]:
-    """The largest size of each at sampled states; refused where one is next to nothing at all of
-    them."""
+    """The largest size of each at sampled states."""
+    sizes = np.abs(_at_samples(system, motion, values))[:, :, 0]
+    return [float(x) for x in np.max(sizes, axis=0)] if len(sizes) else [1.0] * values.numel()
+
+
+def _at_samples(system: System, motion: Motion, values: ca.SX) -> NDArray[np.float64]:
+    """A matrix over (t, q, p) at sampled states, k × rows × columns."""
     p: list[Scalar] = [system.p[i] for i in range(system.p.numel())]
     frame = motion.frame
     symbols = ca.vertcat(*p, *([frame.symbols] if frame else []))
-    at = ca.Function("pivots", [system.t, system.q, symbols], [values])
+    at = ca.Function("values", [system.t, system.q, symbols], [ca.densify(values)])
     s = states(system, SAMPLES)
     given = frame.values if frame else ()
-    subsets = [
-        np.abs(np.array(at(t, q, np.concatenate([p_, given])))).ravel()
-        for t, q, p_ in zip(s.t, s.q, s.p)
-    ]
-    return [float(x) for x in np.max(subsets, axis=0)] if subsets else [1.0] * values.numel()
+    rows = [np.array(at(t, q, np.concatenate([p_, given]))) for t, q, p_ in zip(s.t, s.q, s.p)]
+    return np.array(rows, dtype=float).reshape(-1, *values.shape)

@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 
 from derive.choices.records import Frame, Guard
+from derive.diagnostics import AssumptionError
 from derive.expressions.deferred import Term, is_deferred, size_of
 from derive.mechanics.loops.records import Recursion
 from derive.mechanics.records import Named, System
@@ -125,19 +126,34 @@ class Request:
     default,NAME`).
 
     One without `make` is no formula of its own but a loop of the runtime around those it `needs`.
+    `condition` raises AssumptionError where the model has no such function, at little cost.
     """
 
     name: str
     about: str
     make: Callable[[], Function] | None = None
     needs: tuple[str, ...] = ()
+    condition: Callable[[], None] | None = None
 
     @property
     def function(self) -> Function:
-        """Made now. Raises ValueError where there is none to be made."""
+        """Made now. Raises ValueError where there is none to be made, AssumptionError where the
+        model has no such function."""
         if self.make is None:
             raise ValueError(f"{self.name} is a loop around {', '.join(self.needs)}")
+        if self.condition is not None:
+            self.condition()
         return self.make()
+
+    @property
+    def refusal(self) -> AssumptionError | None:
+        """Why the model has no such function; None where it has."""
+        try:
+            if self.condition is not None:
+                self.condition()
+        except AssumptionError as error:
+            return error
+        return None
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ They are made when asked for.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import casadi as ca
 
@@ -35,20 +36,56 @@ def regression(system: System, motion: Motion) -> tuple[Request, ...]:
     the formulation chooses w."""
     if not parameters(system):
         return ()
-    return (*_over_v(system), *_over_w(system, motion, motion.minimal))
+    rest = Rest(system)
+    return (*_over_v(system, rest), *_over_w(system, motion, motion.minimal, rest))
 
 
-def _over_v(system: System) -> Iterator[Request]:
+class Rest:
+    """What of inverse dynamics has no standard parameter, over (t, q, v, v̇), made once."""
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self.vdot = _rates(_velocities(system))
+
+    @cached_property
+    def forces(self) -> ca.SX:
+        """nv × 1. Raises AssumptionError where first-order states act, which no measured motion
+        holds, or forces use reactions."""
+        system, forces = self._system, mechanics.rest(self._system, self.vdot)
+        if system.z.numel() and ca.depends_on(forces, system.z):
+            names = listed(state.name for state in system.model.states)
+            raise AssumptionError(
+                f"forces of {system.model.name} depend on first-order states ({names}), which a "
+                "motion does not tell",
+                "parameters fitted to whole motions: hamel identify --free",
+            )
+        return forces
+
+    def at(self, vdot: ca.SX) -> ca.SX:
+        """The same with other v̇ in the place of its own."""
+        return ca.substitute(self.forces, self.vdot, vdot)
+
+    def check(self) -> None:
+        """Raises what `forces` raises."""
+        _ = self.forces
+
+
+def _over_v(system: System, rest: Rest) -> Iterator[Request]:
     yield Request("standard_parameters", VALUES, lambda: _values(system))
     yield Request("regressor", REGRESSOR, lambda: _regressor(system))
-    yield Request("regressor_rest", REST, lambda: _rest(system))
+    yield Request("regressor_rest", REST, lambda: _rest(system, rest), condition=rest.check)
 
 
-def _over_w(system: System, motion: Motion, of: Minimal | None) -> Iterator[Request]:
+def _over_w(system: System, motion: Motion, of: Minimal | None, rest: Rest) -> Iterator[Request]:
     if of is None or not motion.names:
         return
     yield Request("regressor_w", REGRESSOR_W, lambda: _regressor_w(system, motion, of))
-    yield Request("regressor_rest_w", REST_W, lambda: _rest_w(system, motion, of))
+    yield Request(
+        "regressor_rest_w",
+        REST_W,
+        lambda: _rest_w(system, motion, of, rest),
+        condition=rest.check,
+    )
 
 
 def _values(system: System) -> Function:
@@ -65,11 +102,9 @@ def _regressor(system: System) -> Function:
     return Function("regressor", REGRESSOR, result, x=_with_vdot(system, vdot))
 
 
-def _rest(system: System) -> Function:
-    vdot = _rates(tuple(v.name for v in system.model.velocities))
-    value = ca.densify(_of_motion(system, mechanics.rest(system, vdot)))
-    result = Result("rest", value, _velocities(system), ())
-    return Function("regressor_rest", REST, result, x=_with_vdot(system, vdot))
+def _rest(system: System, rest: Rest) -> Function:
+    result = Result("rest", ca.densify(rest.forces), _velocities(system), ())
+    return Function("regressor_rest", REST, result, x=_with_vdot(system, rest.vdot))
 
 
 def _regressor_w(system: System, motion: Motion, of: Minimal) -> Function:
@@ -81,26 +116,13 @@ def _regressor_w(system: System, motion: Motion, of: Minimal) -> Function:
     return Function("regressor_w", REGRESSOR_W, result, guards=motion.guards, x=taken)
 
 
-def _rest_w(system: System, motion: Motion, of: Minimal) -> Function:
+def _rest_w(system: System, motion: Motion, of: Minimal, rest: Rest) -> Function:
     wdot = _rates(motion.names)
-    forces = _of_motion(system, mechanics.rest(system, ca.mtimes(of.S, wdot) + of.sigma))
-    value = ca.densify(ca.mtimes(of.S.T, at_motion(system, motion, forces)))
+    forces = at_motion(system, motion, rest.at(ca.mtimes(of.S, wdot) + of.sigma))
+    value = ca.densify(ca.mtimes(of.S.T, forces))
     result = Result("rest_w", value, motion.names, ())
     taken = _with_wdot(system, motion, wdot)
     return Function("regressor_rest_w", REST_W, result, guards=motion.guards, x=taken)
-
-
-def _of_motion(system: System, forces: ca.SX) -> ca.SX:
-    """Forces that q, v and their rates tell. Raises AssumptionError where first-order states act,
-    which no measured motion holds."""
-    if system.z.numel() and ca.depends_on(forces, system.z):
-        names = listed(state.name for state in system.model.states)
-        raise AssumptionError(
-            f"forces of {system.model.name} depend on first-order states ({names}), which a motion "
-            "does not tell",
-            "parameters fitted to whole motions: hamel identify --free",
-        )
-    return forces
 
 
 def _rates(names: tuple[str, ...]) -> ca.SX:

@@ -52,7 +52,8 @@ def unknown_function(equations: Equations, name: str) -> HamelError:
     """What to say of a name that is none of a function: the frame, or the function, that was
     probably meant."""
     model = equations.system.model
-    single = [x.name for x in (*equations.functions, *equations.requests)]
+    offered = [request for request in equations.requests if request.refusal is None]
+    single = [x.name for x in (*equations.functions, *offered)]
     prefixes = [x.name for x in equations.families if name.startswith(f"{x.name}_")]
     frames = frames_of(model)
     if readings(name, frames):

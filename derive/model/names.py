@@ -44,6 +44,8 @@ _MACROS = _words(
     "NULL EOF NAN INFINITY HUGE_VAL errno assert linux unix main offsetof signbit isnan isinf "
     "isfinite"
 )
+# of POSIX: the generated header has NAME_OK for the model's own name
+_ENDING_IN_OK = _words("r w x f")
 LANGUAGE = frozenset({"t", "pi", "der", "ground", "guess", *FUNCTIONS, *OUTPUT_FUNCTIONS})
 _MODULES = (
     frozenset({"numpy", "hamel", "derive", "codegen", "casadi", "sympy"}) | sys.stdlib_module_names
@@ -109,5 +111,10 @@ def module_objection(name: str) -> tuple[str, str] | None:
         return (
             f"'{name}' is the name of a Python module",
             "another name: the generated module carries it",
+        )
+    if name.lower() in _ENDING_IN_OK:
+        return (
+            f"the module of '{name}' would define {name.upper()}_OK, as C headers do",
+            "a longer name",
         )
     return objection(name)

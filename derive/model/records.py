@@ -423,6 +423,10 @@ class Model:
         """Which entry of q that coordinate is. Raises ValueError where there is none."""
         return _index(self._coordinates, name)
 
+    def is_state(self, name: str) -> bool:
+        """Whether a coordinate or a first-order state has that name."""
+        return name in self._coordinates or any(state.name == name for state in self.states)
+
     def velocity_index(self, name: str) -> int:
         """Which entry of v that generalized velocity is. Raises ValueError where there is none."""
         return _index(self._velocities, name)

@@ -41,7 +41,7 @@ class Joint:
     """`rpy` is used where a file gives roll, pitch and yaw, else `rotation`: parent ← joint frame;
     `rotation_child`: the same for the child. `spring`: stiffness and rest. `coulomb`: of dry
     friction, whose jump at rest is `smoothing` wide. `armature`: inertia of the rotor as the joint
-    feels it."""
+    feels it. `follows`: the joint that it mimics, and its speed at that one's unit speed."""
 
     name: str
     type: str
@@ -60,6 +60,7 @@ class Joint:
     coulomb: float = 0.0
     smoothing: float = SMOOTHING
     armature: float = 0.0
+    follows: tuple[str, float] | None = None
     notes: list[str] = field(default_factory=list[str])
 
     def turn(self) -> Matrix:

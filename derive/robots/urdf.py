@@ -91,7 +91,7 @@ def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robo
         )
     _mimics(reading, tree, result)
     reading.finish()
-    check_coupled_masses(reading, result, {entry.place for entry in result.constraints})
+    check_coupled_masses(reading, result)
     _inputs(reading, tree, result)
     read_transmissions(reading, root, tree.made, result)
     reading.finish()
@@ -434,14 +434,12 @@ def _couple(reading: Reading, tree: Tree, result: Robot, name: str, master: str)
             return
     multiplier, offset = scalar(reading, mimic, "multiplier", 1.0), scalar(reading, mimic, "offset")
     terms = [f"ratio: {written(multiplier)}"] + ([f"offset: {written(offset)}"] if offset else [])
-    text = (
-        f"{{type: coupling, joints: [{joint.name}, {other.name if other else ''}], "
-        f"{', '.join(terms)}}}"
-    )
-    if (
-        other is None or other.type == "fixed" or multiplier == 0.0
-    ):  # nothing to follow: it stays at the offset
+    if other is None or other.type == "fixed" or multiplier == 0.0:
+        # nothing to follow: it stays at the offset
         text = f"{{holonomic: {joint.name} - ({written(offset)})}}"
+    else:
+        joint.follows = (other.name, multiplier)
+        text = f"{{type: coupling, joints: [{joint.name}, {other.name}], {', '.join(terms)}}}"
     result.constraints.append(Entry(reading.symbols(f"mimic_{joint.name}", "mimic"), text, mimic))
 
 

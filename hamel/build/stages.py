@@ -80,7 +80,7 @@ def usable_choices(
     usable, refused = {}, {}
     for number, choice in enumerate(mechanics.model.choices):
         try:
-            formed = equations(mechanics, choice.name, formulation, moving=True)
+            formed = with_linearization(equations(mechanics, choice.name, formulation, moving=True))
         except AssumptionError as error:
             if number == 0:
                 raise
@@ -128,12 +128,7 @@ def _is_possible(equations: Equations, name: str) -> bool:
     if any(function.name == name for function in equations.functions):
         return True
     request = request_of(equations, name)
-    if request is None or request.name != "inverse_dynamics_u":
-        return request is not None
-    try:
-        return request.function is not None
-    except AssumptionError:
-        return False
+    return request is not None and request.refusal is None
 
 
 def with_emitted(equations: Equations, program: Program) -> Equations:

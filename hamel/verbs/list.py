@@ -113,12 +113,16 @@ def _choices(model: Model) -> Iterator[Known]:
 
 
 def _functions(model: Model) -> dict[str, Iterable[Known]]:
-    """The functions of the generated module, by the model's first choice, and those that are
-    emitted when asked for by name."""
+    """The functions of the generated module, by the model's first choice, those that are emitted
+    when asked for by name, and those that a build refuses, with its reason."""
     result = with_linearization(equations(mechanics_of(model)))
+    requests = [(request, request.refusal) for request in result.requests]
     return {
         "functions": (Known(f.name, f.about) for f in result.functions if f.result.size),
-        "functions on request": (Known(request.name, request.about) for request in result.requests),
+        "functions on request": (Known(x.name, x.about) for x, refusal in requests if not refusal),
+        "functions refused": (
+            Known(x.name, refusal.diagnostics[0].message) for x, refusal in requests if refusal
+        ),
         "frame functions": (
             Known(f"{family.name}_FRAME", family.about) for family in result.families
         ),

@@ -17,6 +17,7 @@ from codegen.loader import load
 from derive.diagnostics import ModelError, listed
 from derive.formulations import equations
 from derive.formulations.charts import together
+from derive.linearize.minimal import with_linearization
 from derive.robots.reading import load as load_model
 from hamel.build.folder import differences, manifest
 from hamel.build.module import compiled, temporary_module
@@ -65,15 +66,13 @@ def run(
     functions = options.functions or ()
     model = load_model(path)
     mechanics = mechanics_of(model, options.constants)
-    asked = {
-        together(e): e
-        for e in (
-            [] if choice is None else [equations(mechanics, choice, formulation, moving=True)]
-        )
-    }
+    asked: dict[str, Equations] = {}
+    if choice is not None:
+        one = with_linearization(equations(mechanics, choice, formulation, moving=True))
+        asked[together(one)] = one
     usable, refused = usable_choices(mechanics, formulation)
-    built = equations(
-        mechanics, choice, formulation, charts=True, moving=True
+    built = with_linearization(
+        equations(mechanics, choice, formulation, charts=True, moving=True)
     )  # what `build` makes of the same options
     wanted = asked or (usable | {together(built): built} if built.charts else usable)
     full = {name: _with_functions(e, functions) for name, e in wanted.items()}

@@ -2,7 +2,8 @@
 
 import importlib
 import json
-from dataclasses import fields
+import re
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +11,13 @@ import pytest
 
 import hamel
 from derive.diagnostics import AssumptionError, HamelError, ModelError, ToolchainError
+from derive.formulations.requests import request_of
 from hamel.build.options import affordable
+from hamel.build.stages import equations_of, program_of
 from hamel.records import as_json
+from hamel.verbs.choices import recommendation
 from tests.scenes import MODELS
+from tests.texts import ARM
 
 
 def test_every_verb_is_a_function():
@@ -158,6 +163,16 @@ def test_choices_say_why():
     )
 
 
+def test_choices_do_not_refuse_what_is_built(tmp_path):
+    """A file without choices is built with `auto`, which stands in the table by its speeds."""
+    (tmp_path / "arm.yaml").write_text(ARM)
+    record = hamel.choices(tmp_path / "arm.yaml")
+    assert record.default not in {x.name for x in record.choices}
+    assert "cannot be used" not in recommendation(record)
+    refused = replace(record, refused={record.default: "it does not fit"})
+    assert f"'{record.default}', cannot be used here" in recommendation(refused)
+
+
 def test_choices_are_drawn_along_the_motion(tmp_path):
     found = hamel.choices(MODELS / "slider_crank.yaml", plot=tmp_path / "c.svg", until=0.2)
     assert found.choices[0].name == "crank" and found.choices[-1].name == "slider"
@@ -197,6 +212,34 @@ def test_list_of_a_model():
     assert {"jacobian_values", "step_sensitivity", "linearization"} <= {
         item.name for item in named["functions on request"]
     }
+
+
+@pytest.mark.parametrize("name", ["cart_pole", "gallery/dc_motor", "pendulum", "car_axis"])
+def test_every_function_that_is_listed_is_built(name):
+    """And what is refused is refused by a build for the reason that the list gives."""
+    path = MODELS / f"{name}.yaml"
+    listed, found = hamel.list(path).kinds, equations_of(path)
+    for item in listed["functions on request"]:
+        assert item.name in {x.name for x in program_of(found, [item.name]).kernels} or (
+            request_of(found, item.name).needs
+        )
+    for item in listed.get("functions refused", ()):
+        with pytest.raises(AssumptionError, match=re.escape(item.about)):
+            program_of(found, [item.name])
+
+
+@pytest.mark.slow
+def test_every_function_that_is_listed_is_verified():
+    """By name, `linearization` among them, each against what the reference says."""
+    path = MODELS / "gallery" / "dc_motor.yaml"
+    names = [item.name for item in hamel.list(path).kinds["functions on request"]]
+    assert hamel.verify(path, states=3, functions=[*names, "pose_shaft"]).passed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["four_bar", "free_body"])
+def test_every_function_of_larger_models_is_built(name):
+    test_every_function_that_is_listed_is_built(name)
 
 
 def test_schema_accepts_no_unknown_keys():

@@ -141,6 +141,7 @@ def _joint(reading: Reading, tie: Element, scene: Scene) -> None:
     if others and not any(powers[2:]) and powers[1:2] and powers[1]:
         offset = y0 + powers[0] - powers[1] * others[0][1]
         terms = f"ratio: {written(powers[1])}" + (f", offset: {written(offset)}" if offset else "")
+        first.follows = first.follows or (others[0][0].name, powers[1])
         row = f"{{type: coupling, joints: [{first.name}, {others[0][0].name}], {terms}}}"
     else:
         row = f"{{holonomic: {_length([(first, 1.0)], scene)} - ({text})}}"

@@ -157,3 +157,14 @@ def test_a_start_in_another_choice_is_a_switch() -> None:
     assert found.motion["choice"][0] != "slider" and found.switches[0].time == 0.0
     assert found.switches[0].left == "slider"
     assert found.choice == "slider"
+
+
+def test_a_function_alone_takes_the_parameters_of_the_file() -> None:
+    """The numbers of the frame stand behind them; who passes p need not know."""
+    sled = system(load(MODELS / "chaplygin_sleigh.yaml"))
+    found = equations(sled, "tangent", moving=True)
+    with temporary_module(found, functions=("mass_w",)) as made:
+        own = np.array(sled.own_parameters)
+        x = np.linspace(0.1, 0.5, made.nx)
+        assert len(own) < made.np_ and callable(made.rebase)
+        np.testing.assert_array_equal(made.mass_w(0.0, x, (), own), made.mass_w(0.0, x))

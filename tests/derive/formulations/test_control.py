@@ -141,6 +141,24 @@ def test_too_few_inputs_for_a_coupled_motion_are_refused():
         _ = request.function
 
 
+def test_inputs_that_act_alike_are_refused():
+    """As many inputs as motions, and one force of the two in common."""
+    text = ARM + (
+        "inputs: {f: {unit: N*m}, g: {unit: N*m}, h: {joint: C}}\n"
+        "loads: {p: {type: expression, joint: A, expression: f + g}, "
+        "r: {type: expression, joint: B, expression: 2*f + 2*g}}\n"
+    )
+    request = request_of(made(text), "inverse_dynamics_u")
+    assert request is not None
+    with pytest.raises(AssumptionError, match="effects depend on each other, 1 for 2"):
+        _ = request.function
+
+
+def test_without_inputs_there_is_no_inverse():
+    request = request_of(made(ARM), "inverse_dynamics_u")
+    assert request is not None and "arm has no inputs" in str(request.refusal)
+
+
 def test_generalized_velocities_have_no_functions_over_w():
     found = derived("four_bar", None, "augmented")
     assert request_of(found, "mass_w") is None and request_of(found, "jacobian_w_coupler") is None

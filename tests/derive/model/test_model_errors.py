@@ -261,6 +261,13 @@ ERRORS = [
         "",
     ),
     (
+        "c_macro_of_the_module",
+        "model: «x\nparameters: {a: 1}\n",
+        "the module of 'x' would define X_OK, as C headers do",
+        "a longer name",
+        "",
+    ),
+    (
         "decimal_comma",
         "model: a\nparameters: {m: 2,«5 kg}\n",
         "'5 kg' is not a name",

@@ -16,6 +16,7 @@ from derive.diagnostics import ModelError
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.model import load_text
+from derive.robots.numbers import written
 from derive.robots.reading import imported
 from derive.states import system
 
@@ -53,7 +54,8 @@ def mass(text: str, p=()) -> np.ndarray:
     count = len(model.velocities)
     given = [y.value for y in model.parameters] if not len(p) else p
     u = np.zeros(len(model.inputs))
-    return np.array(found("mass", 0.0, [*q, *np.zeros(count)], u, given)).reshape(count, count)
+    x = [*q, *np.zeros(len(found.equations.w))]
+    return np.array(found("mass", 0.0, x, u, given)).reshape(count, count)
 
 
 @pytest.mark.parametrize(
@@ -140,6 +142,101 @@ def test_what_a_joint_carries_is_the_diagonal_of_the_mass_matrix(tmp_path):
                 )
                 own = M[rates.index(joint), rates.index(joint)]
                 assert width == max(0.01, float(f"{force * 1e-3 / own:.2g}"))
+
+
+MIMIC = '<mimic joint="{}" multiplier="{}" offset="0.2"/><dynamics friction="{}"/>'
+FINGERS = {  # joint: what carries it, what it carries, what it follows and how fast
+    "one behind the other": {"b": ("la", "lb", "a", 0.7), "c": ("lb", "lc", "b", -2)},
+    "beside each other": {"b": ("base", "lb", "a", 20), "c": ("base", "lc", "a", 0.1)},
+    "backwards": {"b": ("lc", "lb", "a", 1), "c": ("base", "lc", "b", -1.5)},
+}
+
+
+def fingers(tmp_path: Path, joints: dict, order: str) -> Path:
+    """Joint a, and two that follow it, each with friction, in any order of the file."""
+    rows = {"a": JOINT.format("a", "base", "la", '<dynamics friction="50"/>', "0 0 1")}
+    for name, (parent, child, leader, ratio) in joints.items():
+        axis = "0 1 0" if name == "b" else "1 0 0"
+        rows[name] = JOINT.format(name, parent, child, MIMIC.format(leader, ratio, 30), axis)
+    links = [LINK.format(f"l{x}", 1 + k, 0.1, 0.2, 0.15 + k / 50) for k, x in enumerate("abc")]
+    file = tmp_path / "f.urdf"
+    parts = ('<robot name="f"><link name="base"/>', *links, *(rows[x] for x in order), "</robot>")
+    file.write_text("".join(parts))
+    return file
+
+
+@pytest.mark.parametrize("how", FINGERS)
+def test_what_mimics_a_joint_counts_to_its_inertia(how, tmp_path):
+    """rᵀ M r of the mass matrix, r the speeds of all three at the joint's own unit speed."""
+    made = imported(fingers(tmp_path, FINGERS[how], "abc"))
+    rates = [velocity.owner for velocity in made.model.velocities]
+    speeds = {"a": 1.0}
+    while len(speeds) < 3:
+        speeds |= {x: r * speeds[y] for x, (_, _, y, r) in FINGERS[how].items() if y in speeds}
+    r = np.array([speeds[name] for name in rates])
+    own = r @ mass(made.text) @ r
+    for name, force in (("a", 50), ("b", 30), ("c", 30)):
+        width = max(0.01, float(f"{force * 1e-3 * speeds[name] ** 2 / own:.2g}"))
+        line = next(x for x in made.text.splitlines() if x.strip().startswith(f"{name}:"))
+        assert f"coulomb: {force}, smoothing: {written(width)}}}" in line
+
+
+@pytest.mark.parametrize("how", FINGERS)
+@pytest.mark.parametrize("order", ["abc", "cba", "bca"])
+def test_what_follows_is_never_independent(how, order, tmp_path):
+    """Whatever the ratios, the order of the file and the order of the joints in the tree are."""
+    made = imported(fingers(tmp_path, FINGERS[how], order)).model
+    assert equations(system(made)).w == ("a_dot",)
+
+
+PARALLEL = """<mujoco><worldbody>
+<body name="left"><joint name="l" axis="0 1 0"/><geom type="box" size=".1 .1 .5" pos="0 0 .5"/>
+ <body name="bar" pos="0 0 1"><joint name="m" axis="0 1 0"/><geom type="box" size=".5 .1 .1" pos=".5 0 0"/></body></body>
+<body name="right" pos="1 0 0"><joint name="r" axis="0 1 0"/><geom type="box" size=".1 .1 .5" pos="0 0 .5"/>{}</body>
+</worldbody>
+<equality><connect body1="bar" body2="right" anchor="1 0 0"/>{}</equality>
+<actuator><motor name="drive" joint="s"/></actuator></mujoco>"""
+FOLLOWER = '<body name="tail" pos="0 0 1"><joint name="s" axis="0 1 0"/><geom size=".1" pos="0 0 .2"/></body>'
+
+
+CARRIAGES = """
+model: carriages
+bodies: {{a: {{mass: 2 kg}}, b: {{mass: 2 kg}}}}
+joints:
+  l: {{type: prismatic, parent: ground, child: a, axis: x}}
+  r: {{type: prismatic, parent: ground, child: b, axis: x}}
+constraints: {{belt: {{holonomic: l + r}}}}
+inputs: {{drive: {{joint: {}}}}}
+"""
+
+
+@pytest.mark.parametrize("driven", ["l", "r"])
+def test_of_equal_joints_the_actuated_one_is_independent(driven):
+    """Two carriages on one belt, none of which follows the other, are the same from either side."""
+    assert equations(system(load_text(CARRIAGES.format(driven)))).w == (f"{driven}_dot",)
+
+
+@pytest.mark.parametrize("ratio", ["1", "0.1", "-7"])
+def test_what_follows_a_joint_of_a_loop_is_not_independent(ratio, tmp_path):
+    """Though the input acts there, as MJCF allows."""
+    tie = f'<joint joint1="s" joint2="r" polycoef="0 {ratio} 0 0 0"/>'
+    file = tmp_path / "p.xml"
+    file.write_text(PARALLEL.format(FOLLOWER, tie))
+    (speed,) = equations(system(imported(file).model)).w
+    assert speed in ("l_dot", "m_dot", "r_dot")
+
+
+def test_a_joint_named_like_the_rate_of_another_has_a_column_of_its_own(tmp_path):
+    joints = [
+        JOINT.format(*row, "", "0 0 1") for row in (("q", "base", "la"), ("q_dot", "la", "lb"))
+    ]
+    links = [LINK.format(name, 1, 0.1, 0.2, 0.15) for name in ("la", "lb")]
+    file = tmp_path / "q.urdf"
+    file.write_text("".join(['<robot name="qq"><link name="base"/>', *links, *joints, "</robot>"]))
+    found = system(imported(file).model)
+    for formulation in ("quasi_velocities", "augmented"):
+        names = equations(found, None, formulation).arguments[1].labels
+        assert names == ("q", "q_dot", "q_dot_w", "q_dot_dot")
 
 
 TRANSMISSION = """<transmission name="{0}"><type>transmission_interface/SimpleTransmission</type>

@@ -61,7 +61,7 @@ def test_things_are_named_in_words() -> None:
     assert things_of(load(MODELS / "four_bar.yaml")) == (
         "revolute joint", "revolute joint as closure", "joint damper", "input", "output",
     )  # fmt: skip
-    smallest = load_text("model: x\ncoordinates: {q: m}\nkinetic: 1 kg*der(q)**2/2\n")
+    smallest = load_text("model: smallest\ncoordinates: {q: m}\nkinetic: 1 kg*der(q)**2/2\n")
     assert things_of(smallest) == ("energies by formula",) and topic_of(smallest) == 0
 
 

@@ -12,7 +12,7 @@ from derive.choices.pivots import quadratic_guards, solved
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey
-from derive.expressions.deferred import passed_on
+from derive.expressions.deferred import Deferred, passed_on
 from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.control import control
 from derive.formulations.derivatives import derivatives
@@ -38,9 +38,16 @@ def reduced(
     `found` holds q̇, ẇ, v̇; `lam` (nc × 1) is the force along each constraint row, zero or shared
     where rows repeat others. A v = c holds identically in these velocities, so only φ can drift.
     """
-    nothing = ca.SX(survey.system.v.numel(), 0)
     Y = ca.vertcat(survey.independent_rows.A, reduction.B)
-    R = per_unit_of_c(survey, Y, survey.rank, reduction) if survey.rank else nothing
+
+    def per_c() -> ca.SX:
+        if not survey.rank:
+            return ca.SX(survey.system.v.numel(), 0)
+        return per_unit_of_c(survey, Y, survey.rank, reduction)
+
+    # of many rows it is a large matrix, which few functions need
+    late = survey.without_zeros is not None
+    R = Deferred(per_c, survey.system.v.numel() * survey.rank) if late else per_c()
     motion = Motion(
         w=reduction.w,
         names=reduction.names,
@@ -65,7 +72,11 @@ def reduced(
 
 
 def _minimal(
-    survey: Survey, reduction: Reduction, found: Explicit, lam: ca.SX, R: ca.SX
+    survey: Survey,
+    reduction: Reduction,
+    found: Explicit,
+    lam: ca.SX,
+    R: ca.SX | Deferred[ca.SX],
 ) -> Minimal:
     rows = survey.independent_rows
     return Minimal(
@@ -178,7 +189,9 @@ def column(vector: Sequence[Scalar]) -> ca.SX:
     return ca.vertcat(*vector) if vector else ca.SX(0, 1)
 
 
-def _matrices(survey: Survey, reduction: Reduction, Y: ca.SX, R: ca.SX) -> tuple[Named, ...]:
+def _matrices(
+    survey: Survey, reduction: Reduction, Y: ca.SX, R: ca.SX | Deferred[ca.SX]
+) -> tuple[Named, ...]:
     """A, B, Y, S and R as matrices: W = Y⁻¹ = [R S] by the same pivots as λ."""
     A = survey.independent_rows.A
     shown = [
@@ -189,8 +202,9 @@ def _matrices(survey: Survey, reduction: Reduction, Y: ca.SX, R: ca.SX) -> tuple
         shown += [
             *combination(survey),
             Named("Y", "[A; B]", Y),
-            Named("R", "v = S w + R c", R),
         ]
+    if survey.rank and not isinstance(R, Deferred):
+        shown.append(Named("R", "v = S w + R c", R))
     shown.append(Named("S", "generalized velocities per quasi-velocity", reduction.S))
     return tuple(shown)
 

@@ -47,6 +47,4 @@ FINALISTS = 5  # the best by pivots and condition, for which the equations are f
 RANK = 1e-9  # singular values of rows of length one below this are zero
 # of large systems fewer states are looked at: about so many velocities, at least so many states
 ENTRIES = 2_000
-# rows of length one whose least singular value is above this are independent, whatever rounding
-INDEPENDENT = 1e-7
 FEWEST = 10

@@ -14,7 +14,6 @@ import numpy as np
 from derive.choices.limits import (
     ENTRIES,
     FEWEST,
-    INDEPENDENT,
     MOST_WAYS,
     REGULAR,
     RESOLUTION_MANY,
@@ -36,7 +35,7 @@ from derive.model.records import Velocity
 from derive.states.closing import Kinematics
 from derive.states.independence import independent
 from derive.states.initial import initial_state
-from derive.states.sparse import Sparse, lengths_over_states, squares, stacked
+from derive.states.sparse import Sparse, clearly_independent, lengths_over_states, squares, stacked
 from derive.states.sampling import States, no_states, row_lengths, states
 
 
@@ -132,9 +131,7 @@ class Survey:
         if not self.solver.many_rows:
             return None
         A = evened(self.solver.velocity_rows(s.t, s.q, s.p)[0])
-        most = A.shape[1] <= A.shape[2]
-        clear = most and np.median(squares(A.pattern).strength(A)) > INDEPENDENT
-        return A if clear else None
+        return A if clearly_independent(A) else None
 
     @cached_property
     def sizes(self) -> list[float]:

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from derive.numerics import NONZERO
-from derive.states.limits import LEFT_OVER, POWERS, REFINED, SQUARES
+from derive.states.limits import INDEPENDENT, LEFT_OVER, POWERS, REFINED, SQUARES
 
 
 @dataclass(frozen=True)
@@ -119,6 +119,16 @@ def lengths_over_states(matrices: Sparse) -> np.ndarray:
 def unit(n: int) -> Sparse:
     """The unit matrix, as one of one."""
     return Sparse(ca.Sparsity.diag(n), np.ones((1, n)))
+
+
+def clearly_independent(matrices: Sparse) -> bool:
+    """Whether the rows, of length one at most, are so at most states, whatever rounding; where that
+    is not clear all entries have to be looked at."""
+    _, m, n = matrices.shape
+    if m > n:
+        return False
+    even = matrices.scaled(1 / lengths_over_states(matrices))
+    return bool(np.median(squares(even.pattern).strength(even)) > INDEPENDENT)
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ WIDTH, HEIGHT = 510, 420  # of one chart and the room around it
 ROWS = 64  # states side by side
 STAGES = ("model", "mechanics", "formulation", "passes", "emit", "compile", "verify")
 SPEEDS = ("evaluate", "lanes")
-LOOPS = 200  # the most that are derived in minutes
+LOOPS = 1_000  # the most that are looked at
 
 
 def planar(n: int) -> str:

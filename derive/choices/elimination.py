@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import SHORT
+from derive.choices.limits import CHAINED, SHORT
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
 from derive.mechanics.forms import ONE, Form, Key, constant, total, value
@@ -103,12 +103,33 @@ class _Walk:
 
     def resolved(self, form: Form) -> Form:
         """The form with solved keys replaced, as often as needed."""
+        if len(self.rows) >= CHAINED:
+            for key in [key for key in form if key in self.solved]:
+                self._settle(key)
         while any(key in self.solved for key in form):
             parts: list[tuple[Scalar, Form]] = [
                 (c, self.solved[k]) if k in self.solved else (c, {k: 1.0}) for k, c in form.items()
             ]
             form = total(parts)
         return form
+
+    def _settle(self, key: Key) -> None:
+        """Replace what has been solved since in the form of a solved key, once for all that speak
+        of it: in a long row of loops each follows from the next."""
+        chain = [key]
+        while chain:
+            deeper = [k for k in self.solved[chain[-1]] if k in self.solved]
+            unsettled = [k for k in deeper if any(x in self.solved for x in self.solved[k])]
+            if unsettled:
+                chain += unsettled
+                continue
+            last = chain.pop()
+            form = self.solved[last]
+            if deeper:
+                self.solved[last] = total(
+                    (c, self.solved[k]) if k in self.solved else (c, {k: 1.0})
+                    for k, c in form.items()
+                )
 
     def resolved_twist(self, i: int) -> Twist:
         """The twist (ω, v) of link i in its own frame, over what is not eliminated yet; the ground
@@ -476,17 +497,23 @@ class _Coefficients:
 
     def __init__(self, system: System | Carried, sampled: States, sizes: Sequence[float]) -> None:
         self.sizes = sizes
-        self.symbols = [system.t, system.q, system.p]
-        self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
+        symbols = ca.vertsplit(ca.vertcat(system.t, system.q, system.p))
+        self.samples = np.vstack([sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T])
+        self.places = {x.element_hash(): k for k, x in enumerate(symbols)}
         self.count = len(sampled.t)
 
     def values(self, entries: Sequence[Scalar]) -> np.ndarray:
         """(samples, entries)."""
         if not entries:
             return np.zeros((self.count, 0))
-        column = ca.vertcat(*[ca.SX(x) for x in entries])
-        function = ca.Function("x", self.symbols, [column])
-        return np.asarray(function(*self.samples)).reshape(len(entries), -1).T
+        column = ca.densify(ca.vertcat(*[ca.SX(x) for x in entries]))
+        # of many coordinates the few that it depends on
+        symbols = ca.symvar(column)
+        if not symbols:
+            return np.tile(ca.DM(column).full().ravel(), (self.count, 1))
+        given = self.samples[[self.places[x.element_hash()] for x in symbols]]
+        function = ca.Function("x", [ca.vertcat(*symbols)], [column])
+        return np.asarray(function(given)).reshape(len(entries), -1).T
 
     def row(self, i: int, form: Form) -> tuple[dict[int, np.ndarray], set[int]]:
         """The coefficients of the unknowns in a row, over its size, at the samples (samples,), by

@@ -36,8 +36,8 @@ from derive.mechanics.motion import (
     velocity_products,
     with_products,
 )
-from derive.mechanics.records import Carried, Link, RowForm, System
 from derive.mechanics.pivoting import Table
+from derive.mechanics.records import Carried, Link, RowForm, System
 from derive.mechanics.solve import Block, reflected_solution, small_inverse
 from derive.mechanics.tree import path
 from derive.states.sampling import States
@@ -307,7 +307,10 @@ class _Rows:
         carrier = {j: i for i, link in enumerate(walk.system.links) for j in link.columns}
         for i in waiting:
             row = walk.rows[i]
-            links = (*(t.link for t in row.terms), *(carrier.get(j, -1) for j, _ in row.coefficients))
+            links = (
+                *(t.link for t in row.terms),
+                *(carrier.get(j, -1) for j, _ in row.coefficients),
+            )
             self.later.setdefault(max(links, default=-1), []).append(i)
             self.spoken.update(_speaks_of(walk.system, row))
 

@@ -35,8 +35,8 @@ from derive.model.records import Velocity
 from derive.states.closing import Kinematics
 from derive.states.independence import independent
 from derive.states.initial import initial_state
-from derive.states.sparse import Sparse, clearly_independent, lengths_over_states, squares, stacked
 from derive.states.sampling import States, no_states, row_lengths, states
+from derive.states.sparse import Sparse, clearly_independent, lengths_over_states, squares, stacked
 
 
 @dataclass(frozen=True)

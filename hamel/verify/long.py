@@ -22,12 +22,15 @@ import casadi as ca
 import numpy as np
 
 from codegen.reals import real_of
+from derive.formulations.evaluate import function_of
 from derive.formulations.manifold import speed_rows
-from derive.formulations.records import Equations
+from derive.formulations.records import Equations, Function
+from derive.formulations.requests import request_of
 from derive.mechanics.limits import LONG
 from derive.model.records import Model
 from derive.states import sampling
 from hamel.verify.checks.evidence import all_parameters
+from hamel.verify.limits import FLOOR
 from hamel.verify.records import CheckResult, Verification
 from hamel.verify.reference.balance import Balance, balance, powers
 from hamel.verify.reference.loads import uses_reactions
@@ -73,6 +76,7 @@ class Place:
     """A random state, as the module takes it and as the reference sees it."""
 
     ref: Reference
+    equations: Equations
     t: float
     x: Array
     u: Array
@@ -195,7 +199,7 @@ def _place(ref: Reference, equations: Equations, row: Row) -> Place:
     own = own_velocities(equations) or ()
     x = np.concatenate([q, v[list(own)]]) if equations.system.rows else whole
     seen = state_of(ref, t, q, v, u, all_parameters(equations.system, p))
-    return Place(ref, t, x, u, p, seen, own, bool(equations.system.rows))
+    return Place(ref, equations, t, x, u, p, seen, own, bool(equations.system.rows))
 
 
 def _results(
@@ -232,6 +236,39 @@ def _called(call: Call, *row: Any) -> Array:
         return np.full(1, np.nan)
 
 
+def _guards(ref: Reference, module: ModuleType, place: Place) -> float:
+    """As derived, and far from refusing a regular state."""
+    function = function_of(place.equations, made(place.equations, "guards"))
+    wanted = np.ravel(function(*place.row))
+    found = _called(module.guards, *place.row)
+    sizes = np.maximum(1.0, np.abs(wanted))
+    refuses = found.shape != wanted.shape or np.any(np.abs(found) < 1.0)
+    return math.inf if refuses else _largest((found - wanted) / sizes)
+
+
+def _constraint_rows(ref: Reference, module: ModuleType, place: Place) -> float:
+    """Entries of the reference's A, each row over a power of two."""
+    pattern = made(place.equations, "constraint_rows").result.pattern
+    found = _called(module.constraint_rows, *place.row)
+    if pattern is None or pattern.shape[0] != len(place.A) or len(found) != len(pattern.rows):
+        return math.inf
+    wanted = np.array([place.A[i].get(j, 0.0) for i, j in zip(pattern.rows, pattern.columns)])
+    lengths = [
+        np.sqrt(np.bincount(pattern.rows, weights=x**2, minlength=len(place.A)))
+        for x in (found, wanted)
+    ]
+    ratio = 2.0 ** np.round(np.log2(lengths[0] / lengths[1]))[list(pattern.rows)]
+    whole = sum(map(len, place.A)) <= len(found)  # none of the reference's is left out
+    return _relative(found, ratio * wanted) if whole else math.inf
+
+
+def made(equations: Equations, name: str) -> Function:
+    """A function on request."""
+    request = request_of(equations, name)
+    assert request is not None
+    return request.function
+
+
 def _rates(ref: Reference, module: ModuleType, place: Place) -> float:
     return _relative(_called(module.dynamics, *place.row)[: len(place.state.q)], place.state.rates)
 
@@ -242,7 +279,7 @@ def _motion(ref: Reference, module: ModuleType, place: Place) -> float:
         return math.inf
     found = balance(ref, place.state, place.accelerations(wdot))
     if not place.tied:
-        return _largest(found.left / np.maximum(found.size, TINY))
+        return _largest(found.left / _sizes(place, found.size))
     return _unbalanced(place, found, forces(place.A, found))
 
 
@@ -251,7 +288,14 @@ def _unbalanced(place: Place, found: Balance, lam: Array) -> float:
     held = carried_back(place.A, lam, len(found.left))
     sizes = [{j: abs(x) for j, x in row.items()} for row in place.A]
     size = found.size + carried_back(sizes, np.abs(lam), len(found.left))
-    return _largest((found.left - held) / np.maximum(size, TINY))
+    return _largest((found.left - held) / _sizes(place, size))
+
+
+def _sizes(place: Place, size: Array) -> Array:
+    """What errors at joints are held against. In loops joints are near to the ground, and one that
+    feels hardly anything just here is held against the others."""
+    least = FLOOR * np.max(size, initial=0.0) if place.tied else 0.0
+    return np.maximum(size, max(least, TINY))
 
 
 def _reactions(ref: Reference, module: ModuleType, place: Place) -> float:
@@ -307,7 +351,7 @@ def _inverse(ref: Reference, module: ModuleType, place: Place) -> float:
         return math.inf
     idle = state_of(ref, place.t, own.q, own.v, np.zeros_like(place.u), own.p)
     found = balance(ref, idle, vdot)
-    return _largest((forces - found.left) / np.maximum(found.size, TINY))
+    return _largest((forces - found.left) / _sizes(place, found.size))
 
 
 def _bias(ref: Reference, module: ModuleType, place: Place) -> float:
@@ -316,7 +360,7 @@ def _bias(ref: Reference, module: ModuleType, place: Place) -> float:
     if h.shape != still.shape:
         return math.inf
     found = balance(ref, place.state, still, driven=False)
-    return _largest((h - found.left) / np.maximum(found.size, TINY))
+    return _largest((h - found.left) / _sizes(place, found.size))
 
 
 def _along(ref: Reference, module: ModuleType, place: Place) -> float:
@@ -454,6 +498,8 @@ OF_LOOPS: tuple[Entry, ...] = (
     ("dynamics", "admissible", KEPT, "φ and A v − c at the states looked at", _admissible),
     ("reactions", "reactions", BALANCED, "M v̇ + h − Q against Aᵀ λ", _reactions),
     ("constraints", "constraints", SUMMED, "φ off the constraints", _constraints),
+    ("guards", "guards", KEPT, "pivots as derived, none near where it is refused", _guards),
+    ("constraint_rows", "rows", SUMMED, "A, each row over its usual length", _constraint_rows),
 )
 
 
@@ -508,7 +554,9 @@ def shipped_rows(
     places = [_place(ref, equations, row) for row in rows]
     for name in dict.fromkeys(name for name, *_ in _checks(equations) if hasattr(module, name)):
         call = getattr(module, name)
-        checks = [(tolerance, error) for own, _, tolerance, _, error in _checks(equations) if own == name]
+        checks = [
+            (tolerance, error) for own, _, tolerance, _, error in _checks(equations) if own == name
+        ]
         yield (
             name,
             [

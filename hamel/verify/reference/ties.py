@@ -20,7 +20,6 @@ from derive.model.records import GROUND, Closure, Model
 from hamel.verify.reference.balance import Balance, at_joint, moved, twist_rates
 from hamel.verify.reference.closures import closure_rows
 from hamel.verify.reference.layout import Layout, Rows
-from hamel.verify.reference.outcome import Reference
 from hamel.verify.reference.rows import distance_row
 from hamel.verify.reference.states import Seat, State
 from hamel.verify.reference.vectors import Array

@@ -247,7 +247,7 @@ def measured(text: str, n: int) -> dict[str, Any]:
             row, "verify", lambda: quick_verification(model, derived, lambda: module, states)
         )
         if not checked.passed:
-            sys.exit(f"{n} links: the module is wrong")
+            sys.exit(f"{n} links: wrong in {[x for x in checked.checks if not x.passed]}")
         row["wall"] = time.perf_counter() - start
         row |= dict(zip(SPEEDS, _evaluation(module, derived)))
     row["operations"] = made.kernel("dynamics").operations["total"]

@@ -34,7 +34,8 @@ def sparse_pivot_order(
 ) -> list[Block]:
     """The same from entries: their rows and columns, `samples` (k, entries), and which are numbers.
 
-    Greedy by `best_block`. Raises ZeroDivisionError where what is left is singular at every sample.
+    Greedy: a number before what varies; a single entry that stays away from zero before a block of
+    two or three whose determinant does. Raises ZeroDivisionError where what is left is singular at every sample.
     """
     left = _table(n, places, samples, constant)
     chosen: list[Block] = []
@@ -55,7 +56,7 @@ def _table(
     constant: np.ndarray,
 ) -> Table:
     rows: list[dict[int, np.ndarray]] = [{} for _ in range(n)]
-    numbers: list[set[int]] = [set() for _ in range(n)]
+    numbers = [set[int]() for _ in range(n)]
     for i, j, values, number in zip(*(x.tolist() for x in places), samples.T, constant):
         rows[i][j] = values
         if number:

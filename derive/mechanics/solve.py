@@ -1,8 +1,7 @@
 """Linear systems written out: no loops, no pivoting at run time, structural zeros skipped.
 
 `ldl_solution` for symmetric positive (or quasi-) definite matrices in a given order; `lu_solution`
-with pivot blocks that `pivot_order` finds beforehand: numbers first, then what stays farthest from
-zero over sampled matrices.
+with pivot blocks that `pivoting` finds beforehand.
 """
 
 from __future__ import annotations
@@ -28,7 +27,6 @@ from derive.mechanics.limits import (
     SAFE,
     SAME,
     VANISHES,
-    ZERO,
 )
 from derive.numerics import NONZERO
 
@@ -369,29 +367,9 @@ class Part:
     largest: np.ndarray  # (columns,)
 
 
-def best_block(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray) -> Block | None:
-    """The safest pivot of matrices of one pattern, `values` (samples, rows, columns); None where
-    all vanish.
-
-    A number before what varies; a single entry that stays away from zero before a block of two or
-    three whose determinant does: so a rotation between two unknowns is inverted as a whole and not
-    divided by its cosine.
-    """
-    sizes = np.abs(values)
-    over = np.min(sizes, axis=0), np.max(sizes, axis=0)
-    single = _best_single(*over, pattern, fixed)
-    if single is None:
-        return None
-
-    def around() -> Part:
-        largest = np.max(over[1], axis=0, initial=0.0)
-        return Part(values, pattern, fixed, float(np.max(largest, initial=0.0)), largest)
-
-    return or_larger(single, around)
-
-
 def or_larger(single: Block, around: Callable[[], Part]) -> Block:
-    """The best single pivot, or a larger one around it that stays farther from zero."""
+    """The best single pivot, or a larger one around it that stays farther from zero: a rotation
+    between two unknowns is inverted as a whole and not divided by its cosine."""
     best = single
     for size in (2, 3):
         if best.grade < 2 or best.quality >= SAFE:
@@ -403,24 +381,6 @@ def or_larger(single: Block, around: Callable[[], Part]) -> Block:
         ):
             best = larger
     return best
-
-
-def _best_single(
-    least: np.ndarray, largest: np.ndarray, pattern: np.ndarray, fixed: np.ndarray
-) -> Block | None:
-    """The best entry: not varying, then far from zero, then with little fill, then large."""
-    scale = np.max(largest, initial=0.0)
-    usable = pattern & np.isfinite(largest) & (largest > VANISHES * scale)
-    if not usable.any():
-        return None
-    r, c = np.nonzero(usable)
-    a, b = least[r, c], largest[r, c]
-    varies = ~fixed[r, c] & (b - a > SAME * b)
-    fill = (pattern.sum(axis=1)[r] - 1) * (pattern.sum(axis=0)[c] - 1)
-    share: NDArray[np.float64] = a / b
-    k = int(np.lexsort((-a, fill, -np.round(share, 2), varies & (a <= ZERO * b), varies))[0])
-    grade = 0 if fixed[r[k], c[k]] else 2 if varies[k] else 1
-    return Block((int(r[k]),), (int(c[k]),), float(a[k]), float(b[k]), grade)
 
 
 def _vanishes_alone(values: np.ndarray, small: Block, large: Block) -> bool:

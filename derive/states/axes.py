@@ -75,11 +75,10 @@ def _may_repeat(ideal: System) -> bool:
     q = closed(solver, 0.0, nominal(ideal), p)
     if q is None:
         return True
-    A = solver.velocity_terms(0.0, q, p)[0]
-    if isinstance(A, Sparse):
-        if clearly_independent(A):
-            return False
-        A = A.full()[0]
+    rows = solver.velocity_terms(0.0, q, p)[0]
+    if isinstance(rows, Sparse) and clearly_independent(rows):
+        return False
+    A = rows.full()[0] if isinstance(rows, Sparse) else rows
     return bool(np.linalg.matrix_rank(A, tol=GAP * np.linalg.norm(A)) < len(A))
 
 

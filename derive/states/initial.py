@@ -17,7 +17,7 @@ from derive.numerics import refuses_numerically
 from derive.states.closing import Kinematics, closed, nominal, normalised, shortest
 from derive.states.limits import AGREES
 from derive.states.scales import scaled, scales
-from derive.states.sparse import Sparse, stacked, unit
+from derive.states.sparse import Sparse, stacked, unit, with_zeros
 from derive.states.speeds import rows_in_own_units
 
 
@@ -245,11 +245,9 @@ def _known(system: System, N: np.ndarray | Sparse, speeds: Mapping[str, np.ndarr
 
 
 def _stacked(above: np.ndarray | Sparse, below: np.ndarray | Sparse) -> np.ndarray | Sparse:
-    if not isinstance(above, Sparse):
-        return np.vstack([above, below])
-    if not isinstance(below, Sparse):
-        below = Sparse(ca.Sparsity.dense(*below.shape), below.T.reshape(1, -1))
-    return stacked(above, below)
+    if isinstance(above, Sparse):
+        return stacked(above, below if isinstance(below, Sparse) else with_zeros(below))
+    return np.vstack([above, below.full()[0] if isinstance(below, Sparse) else below])
 
 
 def _entries(matrix: np.ndarray | Sparse) -> np.ndarray:

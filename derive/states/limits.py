@@ -30,8 +30,7 @@ SQUARES = 1e-14  # eigenvalues of J Jᵀ below this part of the largest are zero
 
 # sparse
 MANY_ROWS = 120  # from so many rows on zeros are left out: with fewer LAPACK is as fast
-# rows of length one whose least singular value is above this are independent, whatever rounding
-INDEPENDENT = 1e-7
+ROUNDS = 2  # of solving for velocities: once more, for what rounding left
 REFINED = 2  # steps of refinement of what is solved by squares
 POWERS = 30  # of a matrix whose extreme singular values are looked for: three digits of them
 NOTHING_LEFT = 1e-8  # of a wish: the rows forbid all of it

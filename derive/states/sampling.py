@@ -178,8 +178,8 @@ class Walk:
         the width of their velocity, so that singular values can be compared."""
         if self.solver.many_rows:
             phi, rows = self.solver.closing_rows(t, q, p)
-            J = rows.finite().scaled(1 / self.lengths, self.width)
-            return SparseView(phi / self.lengths, J, squares(rows.pattern))
+            even = rows.finite().scaled(1 / self.lengths, self.width)
+            return SparseView(phi / self.lengths, even, squares(rows.pattern))
         phi, slopes = self.solver.closing(t, q, p)
         J = np.ascontiguousarray(np.nan_to_num(slopes) * self.width / self.lengths[:, None])
         return DenseView(phi / self.lengths, J)
@@ -367,7 +367,7 @@ def _velocities(
     rank = int(np.max(view.ranks))
     if rank == 0:
         return v, np.ones(len(t), dtype=bool)
-    for _ in range(2):
+    for _ in range(view.rounds):
         v = v - view.solved(view.along(v) - c, rank)
     strength = view.strength(rank)
     regular = strength > NEAR / 5 * float(np.median(strength))

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from derive.numerics import NONZERO
-from derive.states.limits import INDEPENDENT, LEFT_OVER, POWERS, REFINED, SQUARES
+from derive.states.limits import GAP, LEFT_OVER, POWERS, REFINED, SQUARES
 
 
 @dataclass(frozen=True)
@@ -97,15 +97,14 @@ def _summed(values: np.ndarray, places: np.ndarray, size: int) -> np.ndarray:
 
 def stacked(above: Sparse, below: Sparse) -> Sparse:
     """[above; below] at each state."""
-    k = len(above.entries)
-    pattern = ca.vertcat(above.pattern, below.pattern)
-    order = ca.vertcat(
-        ca.DM(above.pattern, list(range(above.pattern.nnz()))),
-        ca.DM(below.pattern, [above.pattern.nnz() + i for i in range(below.pattern.nnz())]),
+    _, m, n = above.shape
+    rows = np.concatenate([above.rows, m + below.rows])
+    columns = np.concatenate([above.columns, below.columns])
+    order = np.lexsort((rows, columns))
+    pattern = ca.Sparsity.triplet(
+        m + below.shape[1], n, rows[order].tolist(), columns[order].tolist()
     )
-    places = np.array(order.nonzeros(), dtype=int)
-    both = np.concatenate([above.entries, below.entries], axis=1)
-    return Sparse(pattern, both[:, places].reshape(k, len(places)))
+    return Sparse(pattern, np.concatenate([above.entries, below.entries], axis=1)[:, order])
 
 
 def lengths_over_states(matrices: Sparse) -> np.ndarray:
@@ -128,7 +127,14 @@ def clearly_independent(matrices: Sparse) -> bool:
     if m > n:
         return False
     even = matrices.scaled(1 / lengths_over_states(matrices))
-    return bool(np.median(squares(even.pattern).strength(even)) > INDEPENDENT)
+    ratios = squares(even.pattern).strength(even) ** 2 / np.sum(even.entries**2, axis=1)
+    return bool(np.median(ratios) > GAP)
+
+
+def with_zeros(matrix: np.ndarray) -> Sparse:
+    """A single matrix with an entry at each place."""
+    rows, columns = matrix.shape
+    return Sparse(ca.Sparsity.dense(rows, columns), matrix.T.reshape(1, -1))
 
 
 @dataclass(frozen=True)
@@ -153,7 +159,7 @@ class Squares:
         return x
 
     def strength(self, matrices: Sparse) -> np.ndarray:
-        """(Σ 1/σ²)^−½ of all singular values at each state, (k,): no more than the least of them."""
+        """(Σ 1/σ²)^−½ of all singular values at each state, (k,): at most the least of them."""
         k = len(matrices.entries)
         given = [matrices.entries.T, self.small(matrices).reshape(1, k)]
         traces = self._trace.call([ca.DM(x) for x in given])[0].full().ravel()

@@ -1,5 +1,6 @@
-"""φ = 0 and its derivative along the velocities at many configurations at once: how far from closed,
-which steps close it, and how independent its rows are."""
+"""φ = 0 and its derivative along the velocities at many configurations at once.
+
+How far each is from closed, which steps close it, and how independent the rows are."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from derive.numerics import NONZERO
-from derive.states.limits import GAP, SQUARES
+from derive.states.limits import GAP, REFINED, ROUNDS, SQUARES
 from derive.states.sparse import Sparse, Squares
 
 
@@ -29,6 +30,8 @@ class View(Protocol):
     def strength(self, rank: int) -> np.ndarray: ...
     @property
     def phi(self) -> np.ndarray: ...
+    @property
+    def rounds(self) -> int: ...
 
 
 def _off(phi: np.ndarray) -> np.ndarray:
@@ -42,6 +45,11 @@ class DenseView:
 
     phi: np.ndarray  # (k, m)
     J: np.ndarray  # (k, m, nv)
+
+    @property
+    def rounds(self) -> int:
+        """After how many steps what is linear is solved but for rounding."""
+        return ROUNDS
 
     @property
     def off(self) -> np.ndarray:
@@ -124,6 +132,12 @@ class SparseView:
     squares: Squares
 
     @property
+    def rounds(self) -> int:
+        """After how many steps what is linear is solved but for rounding: more, where the least
+        singular values are those of a long row of loops."""
+        return ROUNDS + REFINED
+
+    @property
     def off(self) -> np.ndarray:
         """How far each configuration is from closed; infinite where φ is not a number."""
         return _off(self.phi)
@@ -153,7 +167,7 @@ class SparseView:
             return self._dense.strength(rank)
         return self.squares.strength(self.J)
 
-    @cached_property
+    @property
     def ranks(self) -> np.ndarray:
         """The rank of J at each state, (k,)."""
         m = self.J.shape[1]

@@ -154,7 +154,7 @@ def _checks(equations: Equations) -> tuple[Entry, ...]:
     """In loops velocities follow from each other, and are the same up to rounding alone."""
     if not equations.system.rows:
         return CHECKS
-    solved = tuple((of, name, max(least, KEPT), *rest) for of, name, least, *rest in CHECKS)
+    solved = ((a, b, max(least, KEPT), about, error) for a, b, least, about, error in CHECKS)
     return (*solved, *OF_LOOPS)
 
 

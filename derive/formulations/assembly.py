@@ -3,6 +3,7 @@ velocities themselves."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import casadi as ca
@@ -47,7 +48,8 @@ def reduced(
 
     # of many rows it is a large matrix, which few functions need
     late = survey.without_zeros is not None
-    R = Deferred(per_c, survey.system.v.numel() * survey.rank) if late else per_c()
+    size = survey.system.v.numel() * survey.rank
+    R = Deferred(functools.cache(per_c), size) if late else per_c()
     motion = Motion(
         w=reduction.w,
         names=reduction.names,
@@ -202,9 +204,8 @@ def _matrices(
         shown += [
             *combination(survey),
             Named("Y", "[A; B]", Y),
+            Named("R", "v = S w + R c", R),
         ]
-    if survey.rank and not isinstance(R, Deferred):
-        shown.append(Named("R", "v = S w + R c", R))
     shown.append(Named("S", "generalized velocities per quasi-velocity", reduction.S))
     return tuple(shown)
 

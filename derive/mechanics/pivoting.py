@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from derive.mechanics.limits import MOST_REFLECTED, SAME, VANISHES, ZERO
+from derive.mechanics.limits import DIGITS, MOST_REFLECTED, SAME, VANISHES, ZERO
 from derive.mechanics.solve import Block, Part, or_larger, steady
 
 Score = tuple[bool, bool, int, int, float, int, int]  # least is best; row and column at the end
@@ -35,7 +35,8 @@ def sparse_pivot_order(
     """The same from entries: their rows and columns, `samples` (k, entries), and which are numbers.
 
     Greedy: a number before what varies; a single entry that stays away from zero before a block of
-    two or three whose determinant does. Raises ZeroDivisionError where what is left is singular at every sample.
+    two or three whose determinant does. Raises ZeroDivisionError where what is left is singular at
+    every sample.
     """
     left = _table(n, places, samples, constant)
     chosen: list[Block] = []
@@ -122,7 +123,10 @@ class Table:
         share = least / largest if largest else 0.0
         fill = (len(self.rows[i]) - 1) * (len(self.columns[j]) - 1)
         nearness = -round(100.0 * share) if np.isfinite(share) else 0
-        score = (varies, varies and least <= ZERO * largest, nearness, fill, -least, i, j)
+        size = -float(
+            f"{least:.{DIGITS}e}"
+        )  # of equal loops rounding shall not tell which is first
+        score = (varies, varies and least <= ZERO * largest, nearness, fill, size, i, j)
         if self.scores.get((i, j)) != score:
             self.scores[i, j] = score
             heapq.heappush(self.heap, score)

@@ -301,7 +301,7 @@ class _Rows:
         self, walk: _Walk, waiting: Sequence[int], constraints: int, coefficients_at: _Coefficients
     ) -> None:
         self.walk, self.constraints, self.coefficients_at = walk, constraints, coefficients_at
-        self.table = Table(coefficients_at.count)
+        self.table = Table(coefficients_at.count, len(walk.rows))
         self.later: dict[int, list[int]] = {}  # by the link that completes them
         self.spoken: Counter[int] = Counter()  # velocities, by rows that are not ready
         carrier = {j: i for i, link in enumerate(walk.system.links) for j in link.columns}

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from derive.mechanics.limits import DIGITS, MOST_REFLECTED, SAME, VANISHES, ZERO
+from derive.mechanics.limits import DIGITS, MANY, MOST_REFLECTED, SAME, VANISHES, ZERO
 from derive.mechanics.solve import Block, Part, or_larger, steady
 
 Score = tuple[bool, bool, int, int, float, int, int]  # least is best; row and column at the end
@@ -62,7 +62,7 @@ def _table(
         rows[i][j] = values
         if number:
             numbers[i].add(j)
-    table = Table(len(samples))
+    table = Table(len(samples), n)
     for i in range(n):
         table.put_row(i, rows[i], numbers[i])
     for j in range(n):
@@ -70,12 +70,18 @@ def _table(
     return table
 
 
+def _rounded(size: float) -> float:
+    """Of many equal loops rounding shall not tell which comes first."""
+    return float(f"{size:.{DIGITS}e}")
+
+
 class Table:
     """What is left of matrices, entry by entry: rows are put in and taken out, the best pivot is
     known at any time."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, rows: int) -> None:
         self.count = count  # of samples
+        self.told = _rounded if rows >= MANY else float
         self.rows: dict[int, dict[int, np.ndarray]] = {}
         self.columns: dict[int, set[int]] = {}
         self.fixed: set[tuple[int, int]] = set()
@@ -123,9 +129,7 @@ class Table:
         share = least / largest if largest else 0.0
         fill = (len(self.rows[i]) - 1) * (len(self.columns[j]) - 1)
         nearness = -round(100.0 * share) if np.isfinite(share) else 0
-        size = -float(
-            f"{least:.{DIGITS}e}"
-        )  # of equal loops rounding shall not tell which is first
+        size = -self.told(least)
         score = (varies, varies and least <= ZERO * largest, nearness, fill, size, i, j)
         if self.scores.get((i, j)) != score:
             self.scores[i, j] = score

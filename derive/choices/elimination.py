@@ -9,13 +9,14 @@ is the block inversion of Mirtaheri & Zohoor, carried out one row at a time.)
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import SHORT
+from derive.choices.limits import CHAINED, SHORT
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
 from derive.mechanics.forms import ONE, Form, Key, constant, total, value
@@ -35,8 +36,9 @@ from derive.mechanics.motion import (
     velocity_products,
     with_products,
 )
+from derive.mechanics.pivoting import Table
 from derive.mechanics.records import Carried, Link, RowForm, System
-from derive.mechanics.solve import Block, best_block, reflected_solution, small_inverse, steady
+from derive.mechanics.solve import Block, reflected_solution, small_inverse
 from derive.mechanics.tree import path
 from derive.states.sampling import States
 
@@ -101,12 +103,33 @@ class _Walk:
 
     def resolved(self, form: Form) -> Form:
         """The form with solved keys replaced, as often as needed."""
+        if len(self.rows) >= CHAINED:
+            for key in [key for key in form if key in self.solved]:
+                self._settle(key)
         while any(key in self.solved for key in form):
             parts: list[tuple[Scalar, Form]] = [
                 (c, self.solved[k]) if k in self.solved else (c, {k: 1.0}) for k, c in form.items()
             ]
             form = total(parts)
         return form
+
+    def _settle(self, key: Key) -> None:
+        """Replace what has been solved since in the form of a solved key, once for all that speak
+        of it: in a long row of loops each follows from the next."""
+        chain = [key]
+        while chain:
+            deeper = [k for k in self.solved[chain[-1]] if k in self.solved]
+            unsettled = [k for k in deeper if any(x in self.solved for x in self.solved[k])]
+            if unsettled:
+                chain += unsettled
+                continue
+            last = chain.pop()
+            form = self.solved[last]
+            if deeper:
+                self.solved[last] = total(
+                    (c, self.solved[k]) if k in self.solved else (c, {k: 1.0})
+                    for k, c in form.items()
+                )
 
     def resolved_twist(self, i: int) -> Twist:
         """The twist (ω, v) of link i in its own frame, over what is not eliminated yet; the ground
@@ -261,48 +284,90 @@ def _velocities(
 ) -> list[list[Step]]:
     """The walk over velocities; the pivots it finds, link by link, are the plan of the second
     walk."""
-    plan = [_stage(walk, waiting, -1, constraints, coefficients_at)]
+    rows = _Rows(walk, waiting, constraints, coefficients_at)
+    plan = [_stage(rows, -1)]
     for i, link in enumerate(walk.system.links):
         walk.enter(link, parent_part(link, walk.resolved_twist(link.parent)))
-        plan.append(_stage(walk, waiting, i, constraints, coefficients_at))
+        plan.append(_stage(rows, i))
     return plan
 
 
-def _stage(
-    walk: _Walk, waiting: list[int], reached: int, constraints: int, coefficients_at: _Coefficients
-) -> list[Step]:
+class _Rows:
+    """The rows that are not solved yet: those that are ready, all they speak of having been
+    reached, with their coefficients at the samples, and how many of the others speak of each
+    velocity."""
+
+    def __init__(
+        self, walk: _Walk, waiting: Sequence[int], constraints: int, coefficients_at: _Coefficients
+    ) -> None:
+        self.walk, self.constraints, self.coefficients_at = walk, constraints, coefficients_at
+        self.table = Table(coefficients_at.count, len(walk.rows))
+        self.later: dict[int, list[int]] = {}  # by the link that completes them
+        self.spoken: Counter[int] = Counter()  # velocities, by rows that are not ready
+        carrier = {j: i for i, link in enumerate(walk.system.links) for j in link.columns}
+        for i in waiting:
+            row = walk.rows[i]
+            links = (
+                *(t.link for t in row.terms),
+                *(carrier.get(j, -1) for j, _ in row.coefficients),
+            )
+            self.later.setdefault(max(links, default=-1), []).append(i)
+            self.spoken.update(_speaks_of(walk.system, row))
+
+    def reach(self, link: int) -> None:
+        """Rows that are ready with this link."""
+        for i in self.later.pop(link, ()):
+            self.spoken.subtract(_speaks_of(self.walk.system, self.walk.rows[i]))
+            self._put(i)
+
+    def _put(self, i: int) -> None:
+        entries, numbers = self.coefficients_at.row(i, self.walk.current(i))
+        self.table.put_row(i, entries, numbers)
+
+    def best(self) -> Block | None:
+        """The best pivot among the rows that are ready and their unknowns, rows over their sizes so
+        that m/s and rad/s compare; None where nothing is away from zero."""
+        block = self.table.best()
+        return None if block is None else self.table.steady(block)
+
+    def others_may_help(self) -> bool:
+        """Whether a row that is not ready yet will speak of the same unknowns: then a pivot that
+        comes near zero can wait for it."""
+        return any(self.spoken[j] > 0 for j in self.table.columns)
+
+    def solve(self, block: Block) -> Step:
+        """The rows of the block for its unknowns; what else speaks of these is put in again."""
+        keys: tuple[Key, ...] = tuple(("v", j) for j in block.columns)
+        pivot = self.walk.solve([self.walk.current(i) for i in block.rows], keys)
+        touched = {i for j in block.columns for i in self.table.columns[j]} - {*block.rows}
+        for i in block.rows:
+            self.table.drop_row(i)
+        for i in sorted(touched):
+            self._put(i)
+        return Step(block.rows, keys, pivot, block)
+
+    def idle(self) -> None:
+        """None of the rows that are ready has a pivot."""
+        for i in sorted(self.table.rows):
+            _idle(self.walk, i, self.walk.current(i), self.constraints, self.coefficients_at)
+            self.table.drop_row(i)
+
+
+def _stage(rows: _Rows, reached: int) -> list[Step]:
     """Solve every row that is ready once link `reached` is there, best pivot first."""
     if reached < 0:
-        _enter_free_velocities(walk)
+        _enter_free_velocities(rows.walk)
+    rows.reach(reached)
     steps: list[Step] = []
-    while ready := [i for i in waiting if _is_ready(walk, walk.rows[i], reached)]:
-        residuals = {i: walk.current(i) for i in ready}
-        best = coefficients_at.best(residuals)
-        if best is None:
-            for i in ready:
-                _idle(walk, i, residuals[i], constraints, coefficients_at)
-                waiting.remove(i)
+    while rows.table.rows:
+        block = rows.best()
+        if block is None:
+            rows.idle()
             return steps
-        rows, keys, block = best
-        if (
-            block.grade == 2
-            and block.quality < SAFE
-            and _others_may_help(walk, waiting, ready, residuals)
-        ):
+        if block.grade == 2 and block.quality < SAFE and rows.others_may_help():
             return steps
-        steps.append(Step(rows, keys, walk.solve([residuals[i] for i in rows], keys), block))
-        for i in rows:
-            waiting.remove(i)
+        steps.append(rows.solve(block))
     return steps
-
-
-def _others_may_help(
-    walk: _Walk, waiting: list[int], ready: list[int], residuals: dict[int, Form]
-) -> bool:
-    """Whether a row that is not ready yet will speak of the same unknowns: then a pivot that comes
-    near zero can wait for it."""
-    unknown = {key[1] for form in residuals.values() for key in form if key[0] == "v"}
-    return any(unknown & _speaks_of(walk.system, walk.rows[i]) for i in waiting if i not in ready)
 
 
 def _speaks_of(system: System | Carried, row: RowForm) -> set[int]:
@@ -321,12 +386,6 @@ def _enter_free_velocities(walk: _Walk) -> None:
     for j in range(walk.system.v.numel()):
         if j not in carried:
             walk.joints[j] = walk.known.get(j, {("v", j): 1.0})
-
-
-def _is_ready(walk: _Walk, row: RowForm, reached: int) -> bool:
-    return all(t.link <= reached for t in row.terms) and all(
-        j in walk.joints for j, _ in row.coefficients
-    )
 
 
 def _idle(
@@ -436,79 +495,41 @@ def _short_values(
     return [value(form, values) if len(form) <= short else x for form, x in zip(forms, numbers)]
 
 
-@dataclass(frozen=True)
-class _RowAtSamples:
-    """A row's form with the coefficients of its unknowns at the samples."""
-
-    form: Form
-    keys: tuple[Key, ...]
-    values: np.ndarray  # (samples, keys)
-    numbers: np.ndarray  # which are numbers
-
-
 class _Coefficients:
     """Coefficients at sampled consistent states."""
 
     def __init__(self, system: System | Carried, sampled: States, sizes: Sequence[float]) -> None:
         self.sizes = sizes
-        self.symbols = [system.t, system.q, system.p]
-        self.samples = [sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T]
+        symbols = ca.vertsplit(ca.vertcat(system.t, system.q, system.p))
+        self.samples = np.vstack([sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T])
+        self.places = {x.element_hash(): k for k, x in enumerate(symbols)}
         self.count = len(sampled.t)
-        self.seen: dict[int, _RowAtSamples] = {}
 
     def values(self, entries: Sequence[Scalar]) -> np.ndarray:
         """(samples, entries)."""
         if not entries:
             return np.zeros((self.count, 0))
-        column = ca.vertcat(*[ca.SX(x) for x in entries])
-        function = ca.Function("x", self.symbols, [column])
-        return np.asarray(function(*self.samples)).reshape(len(entries), -1).T
+        column = ca.densify(ca.vertcat(*[ca.SX(x) for x in entries]))
+        # of many coordinates the few that it depends on
+        symbols = ca.symvar(column)
+        if not symbols:
+            return np.tile(ca.DM(column).full().ravel(), (self.count, 1))
+        given = self.samples[[self.places[x.element_hash()] for x in symbols]]
+        function = ca.Function("x", [ca.vertcat(*symbols)], [column])
+        return np.asarray(function(given)).reshape(len(entries), -1).T
 
-    def _row_at_samples(self, row: int, form: Form) -> _RowAtSamples:
-        """The unknowns' coefficients in a row; a form that was looked at before is remembered."""
-        known = self.seen.get(row)
-        if known is None or known.form is not form:
-            keys = tuple(key for key, x in form.items() if key[0] == "v" and not is_zero(x))
-            entries = [form[key] for key in keys]
-            numbers = np.array(
-                [not isinstance(x, ca.SX) or x.is_constant() for x in entries], dtype=bool
-            )
-            self.seen[row] = known = _RowAtSamples(form, keys, self.values(entries), numbers)
-        return known
+    def row(self, i: int, form: Form) -> tuple[dict[int, np.ndarray], set[int]]:
+        """The coefficients of the unknowns in a row, over its size, at the samples (samples,), by
+        velocity; and which of them are numbers."""
+        keys = [key[1] for key, x in form.items() if key[0] == "v" and not is_zero(x)]
+        entries = [form["v", j] for j in keys]
+        values = self.values(entries) / self.sizes[i]
+        numbers = {j for j, x in zip(keys, entries) if isinstance(_number(x), float)}
+        return dict(zip(keys, values.T)), numbers
 
     def size(self, x: Scalar) -> float:
         """Largest |x| over the samples."""
         return float(np.max(np.abs(self.values([x]))))
-
-    def best(
-        self, residuals: dict[int, Form]
-    ) -> tuple[tuple[int, ...], tuple[Key, ...], Block] | None:
-        """The best pivot among the rows and their unknowns, rows over their sizes so that m/s and
-        rad/s compare; None where nothing is away from zero."""
-        rows = list(residuals)
-        keys = sorted({key for form in residuals.values() for key in form if key[0] == "v"})
-        if not keys:
-            return None
-        values = np.zeros((self.count, len(rows), len(keys)))
-        stored, numbers = (
-            np.zeros((len(rows), len(keys)), dtype=bool),
-            np.ones((len(rows), len(keys)), dtype=bool),
-        )
-        place = {key: j for j, key in enumerate(keys)}
-        for r, i in enumerate(rows):
-            seen = self._row_at_samples(i, residuals[i])
-            columns = [place[key] for key in seen.keys]
-            values[:, r, columns], stored[r, columns], numbers[r, columns] = (
-                seen.values,
-                True,
-                seen.numbers,
-            )
-        scaled = values / np.array([self.sizes[i] for i in rows])[None, :, None]
-        block = best_block(scaled, stored, numbers)
-        if block is None:
-            return None
-        block = steady(scaled, numbers, block)
-        return tuple(rows[i] for i in block.rows), tuple(keys[j] for j in block.columns), block
 
 
 def transformation(speeds: Sequence[Form], nw: int) -> ca.SX:

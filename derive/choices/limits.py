@@ -10,6 +10,8 @@ ROUNDOFF = 2.0**-52  # of a float64: what a violation is told apart from
 # elimination
 SHORT = 3  # a twist component with at most so many terms is cheaper from its form than by recursion
 
+CHAINED = 120  # rows from which forms are replaced by what they come to, once for all
+
 # explicit
 EXPLICIT_MANY = 12  # with more quasi-velocities than this, not every combination is solved
 

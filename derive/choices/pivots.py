@@ -15,7 +15,8 @@ from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey
 from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.limits import COFACTORS
-from derive.mechanics.solve import Block, lu_solution, pivot_order, scalars
+from derive.mechanics.pivoting import sparse_pivot_order
+from derive.mechanics.solve import Block, lu_solution, sparse_rows
 
 
 @dataclass(frozen=True)
@@ -33,17 +34,20 @@ def solved(
     """`matrix`(t, q, p) x = each side, by Gauss elimination with pivots that stay farthest from
     zero over the sampled states; where it has rows of a choice, `given` is that choice."""
     blocks = pivot_blocks(survey, matrix, given)
-    solution = lu_solution(scalars(matrix), sides, blocks)
+    solution = lu_solution(sparse_rows(matrix), sides, blocks)
     return Solved(solution.x, blocks, solution.pivots)
 
 
 def pivot_blocks(survey: Survey, matrix: ca.SX, given: Reduction | None = None) -> list[Block]:
     """Raises ZeroDivisionError where the matrix is singular at every sampled state."""
-    values = sampled(survey, matrix if given is None else given.at_frame(matrix))
-    rows = scalars(matrix)
-    structure = np.array([[not isinstance(x, float) or x != 0.0 for x in row] for row in rows])
-    constant = np.array([[isinstance(x, float) for x in row] for row in rows])
-    return pivot_order(values, structure, constant)
+    rows, columns = (np.array(x, dtype=int) for x in matrix.sparsity().get_triplet())
+    entries = matrix.nz[:]
+    values = sampled(survey, entries if given is None else given.at_frame(entries))[:, :, 0]
+    numbers = [x.is_constant() for x in ca.vertsplit(entries)] if len(rows) else []
+    constant = np.array(numbers, dtype=bool)
+    zero = constant & np.all(values == 0.0, axis=0)
+    places, known = (rows[~zero], columns[~zero]), constant[~zero]
+    return sparse_pivot_order(matrix.size1(), places, values[:, ~zero], known)
 
 
 def by_reflections(found: Solved) -> bool:

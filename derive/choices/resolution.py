@@ -30,7 +30,7 @@ from derive.choices.limits import (
 )
 from derive.choices.orthonormal import orthonormal
 from derive.choices.reduction import Reduction, Task, Way, by_elimination, unreduced
-from derive.choices.survey import Survey, even_rows, row_lengths, speed_name, ways_of
+from derive.choices.survey import Survey, even_rows, evened, row_lengths, speed_name, ways_of
 from derive.diagnostics import NAMES, AssumptionError, listed
 from derive.expressions.counting import alternatives
 from derive.expressions.scalars import Scalar
@@ -39,6 +39,7 @@ from derive.mechanics.records import Carried, RowForm, System
 from derive.mechanics.rows import velocity_row
 from derive.model.records import Choice
 from derive.numerics import NONZERO
+from derive.states.sparse import Sparse, squares, stacked
 
 Score = tuple[tuple[int, bool], int, int, int]
 
@@ -289,7 +290,12 @@ def judged(
     B is written at the frame of the choice, if it has one, before it becomes numbers. Two counts at
     the end tell how many of its rows are velocities that follow others, and how many are driven.
     """
-    conditions = _conditions(survey, _numeric_rows(survey, reduction.at_frame(reduction.B)))
+    B = reduction.at_frame(reduction.B)
+    conditions = (
+        _conditions(survey, _numeric_rows(survey, B))
+        if survey.without_zeros is None
+        else _conditions_without_zeros(survey, survey.without_zeros, B)
+    )
     count, pivots = equations.operations, reduction.pivots
     return Ranking(
         name,
@@ -312,6 +318,15 @@ def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
     if not values.size or values.shape[1] < nv:
         return (1.0, 1.0) if not nv else (np.inf, np.inf)
     ratios = values[:, 0] / np.maximum(values[:, nv - 1], NONZERO)
+    return float(np.median(ratios)), float(np.max(ratios))
+
+
+def _conditions_without_zeros(survey: Survey, A: Sparse, B: ca.SX) -> tuple[float, float]:
+    """The same, to some digits."""
+    s = survey.sampled
+    Y = stacked(A, evened(survey.solver.value_rows(B, s.t, s.q, s.p)))
+    least, largest = squares(Y.pattern).extremes(Y)
+    ratios = largest / np.maximum(least, NONZERO)
     return float(np.median(ratios)), float(np.max(ratios))
 
 

@@ -36,6 +36,7 @@ from derive.states.closing import Kinematics
 from derive.states.independence import independent
 from derive.states.initial import initial_state
 from derive.states.sampling import States, no_states, row_lengths, states
+from derive.states.sparse import Sparse, clearly_independent, lengths_over_states, squares, stacked
 
 
 @dataclass(frozen=True)
@@ -76,12 +77,24 @@ class Survey:
         start = self.initial
         if start is None or not len(self.sampled.t):
             return self.sampled
+        if self.without_zeros is not None:
+            return self.sampled if self._least_at(start, B) < REGULAR else self._with(start)
         A = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
         Y = np.concatenate(
             [even_rows(A), even_rows(self.solver.values(B, start.t, start.q, start.p))], axis=1
         )[0]
         if np.linalg.svd(Y, compute_uv=False)[-1] < REGULAR:
             return self.sampled
+        return self._with(start)
+
+    def _least_at(self, start: States, B: ca.SX) -> float:
+        """The least singular value of [A; B] there, rows of length one at most."""
+        A = self.solver.velocity_rows(start.t, start.q, start.p)[0].of_rows(self.kept)
+        own = self.solver.value_rows(B, start.t, start.q, start.p)
+        Y = stacked(evened(A), evened(own))
+        return float(squares(Y.pattern).extremes(Y)[0][0])
+
+    def _with(self, start: States) -> States:
         pairs = (
             (getattr(self.sampled, name), getattr(start, name))
             for name in ("t", "q", "v", "u", "p")
@@ -111,8 +124,22 @@ class Survey:
         return even_rows(self.plain_rows)
 
     @cached_property
+    def without_zeros(self) -> Sparse | None:
+        """`rows` without zeros where there are many and all of them are independent, clearly so at
+        most of the sampled states; None elsewhere."""
+        s = self.sampled
+        if not self.solver.many_rows:
+            return None
+        A = evened(self.solver.velocity_rows(s.t, s.q, s.p)[0])
+        return A if clearly_independent(A) else None
+
+    @cached_property
     def sizes(self) -> list[float]:
         """The largest length of each row of A over the sampled states."""
+        if self.without_zeros is not None:
+            s = self.sampled
+            A, _ = self.solver.velocity_rows(s.t, s.q, s.p)
+            return lengths_over_states(A).tolist()
         return row_lengths(self.plain_rows).tolist()
 
     @property
@@ -123,6 +150,8 @@ class Survey:
     @cached_property
     def kept(self) -> tuple[int, ...]:
         """Independent constraint rows, first come first kept where that serves everywhere."""
+        if self.without_zeros is not None:
+            return tuple(range(len(self.system.rows)))
         return independent(self.rows, range(len(self.system.rows)), self.closing)
 
     @cached_property
@@ -130,12 +159,14 @@ class Survey:
         """Independent rows among the holonomic ones alone: φ = 0 needs them even where a
         nonholonomic row repeats their rate."""
         holonomic = [i for i, row in enumerate(self.system.rows) if row.position >= 0]
+        if self.without_zeros is not None:
+            return tuple(holonomic)
         return independent(self.rows, holonomic)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """Rows that depend on each other at the sampled states."""
-        return groups(self.rows, self.kept)
+        return groups(self.rows, self.kept) if self.without_zeros is None else ()
 
     @cached_property
     def repetitions(self) -> tuple[str, ...]:
@@ -211,6 +242,11 @@ class Survey:
 def even_rows(matrices: np.ndarray) -> np.ndarray:
     """Matrices (k, rows, columns) with rows of length at most one, divided alike in all."""
     return matrices / row_lengths(matrices)[:, None]
+
+
+def evened(matrices: Sparse) -> Sparse:
+    """The same of matrices without zeros."""
+    return matrices.scaled(1 / lengths_over_states(matrices))
 
 
 def survey_of(system: System, moving: bool = False) -> Survey:

@@ -3,6 +3,7 @@ velocities themselves."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import casadi as ca
@@ -12,7 +13,7 @@ from derive.choices.pivots import quadratic_guards, solved
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey, speed_name
-from derive.expressions.deferred import passed_on
+from derive.expressions.deferred import Deferred, passed_on
 from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.control import control
 from derive.formulations.derivatives import derivatives
@@ -38,9 +39,17 @@ def reduced(
     `found` holds q̇, ẇ, v̇; `lam` (nc × 1) is the force along each constraint row, zero or shared
     where rows repeat others. A v = c holds identically in these velocities, so only φ can drift.
     """
-    nothing = ca.SX(survey.system.v.numel(), 0)
     Y = ca.vertcat(survey.independent_rows.A, reduction.B)
-    R = per_unit_of_c(survey, Y, survey.rank, reduction) if survey.rank else nothing
+
+    def per_c() -> ca.SX:
+        if not survey.rank:
+            return ca.SX(survey.system.v.numel(), 0)
+        return per_unit_of_c(survey, Y, survey.rank, reduction)
+
+    # of many rows it is a large matrix, which few functions need
+    late = survey.without_zeros is not None
+    size = survey.system.v.numel() * survey.rank
+    R = Deferred(functools.cache(per_c), size) if late else per_c()
     motion = Motion(
         w=reduction.w,
         names=reduction.names,
@@ -65,7 +74,11 @@ def reduced(
 
 
 def _minimal(
-    survey: Survey, reduction: Reduction, found: Explicit, lam: ca.SX, R: ca.SX
+    survey: Survey,
+    reduction: Reduction,
+    found: Explicit,
+    lam: ca.SX,
+    R: ca.SX | Deferred[ca.SX],
 ) -> Minimal:
     rows = survey.independent_rows
     return Minimal(
@@ -173,7 +186,9 @@ def column(vector: Sequence[Scalar]) -> ca.SX:
     return ca.vertcat(*vector) if vector else ca.SX(0, 1)
 
 
-def _matrices(survey: Survey, reduction: Reduction, Y: ca.SX, R: ca.SX) -> tuple[Named, ...]:
+def _matrices(
+    survey: Survey, reduction: Reduction, Y: ca.SX, R: ca.SX | Deferred[ca.SX]
+) -> tuple[Named, ...]:
     """A, B, Y, S and R as matrices: W = Y⁻¹ = [R S] by the same pivots as λ."""
     A = survey.independent_rows.A
     shown = [

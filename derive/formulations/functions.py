@@ -34,11 +34,11 @@ class Minimal:
 
     S: ca.SX
     sigma: ca.SX
-    R: ca.SX
     A: ca.SX
     c: ca.SX
     beta: ca.SX
     lam: ca.SX
+    R: Term[ca.SX] = Term()
     mass: Term[ca.SX] = Term()
     force: Term[ca.SX] = Term()
 
@@ -350,11 +350,11 @@ def _sizes(system: System) -> list[float]:
     closed too early.
     """
     q, p = nominal(system), np.array(system.parameters)
-    J = np.abs(Kinematics(system).closing(np.zeros(1), q[None], p[None])[1][0])
+    J = Kinematics(system).closing_rows(np.zeros(1), q[None], p[None])[1].finite()
     lengths = [abs(x) for c, x in zip(system.model.coordinates, q) if c.unit == "m"]
     longest = max(lengths, default=0.0) or 1.0
     reach = [longest if v.unit == "m/s" else 1.0 for v in system.model.velocities]
-    sizes: NDArray[np.float64] = np.nan_to_num(J) @ np.array(reach)
+    sizes: NDArray[np.float64] = abs(J) @ np.array(reach)
     powers = np.round(np.log10(np.maximum(sizes, NONZERO)))
     return [1.0 if abs(k) <= USUAL or k < -200 else float(f"1e{int(k)}") for k in powers]
 

@@ -106,8 +106,11 @@ def _usual_lengths(survey: Survey) -> np.ndarray:
     dividing by it rounds nothing. A row that vanishes at a singular position stays short beside
     it."""
     s = survey.sampled
-    rows = survey.solver.rows(s.t, s.q, s.p)[0][:, list(survey.kept)]
-    lengths = np.median(np.linalg.norm(rows, axis=2), axis=0)
+    if survey.without_zeros is None:
+        rows = survey.solver.rows(s.t, s.q, s.p)[0][:, list(survey.kept)]
+        lengths = np.median(np.linalg.norm(rows, axis=2), axis=0)
+    else:
+        lengths = np.median(survey.solver.velocity_rows(s.t, s.q, s.p)[0].lengths(), axis=0)
     return 2.0 ** np.round(np.log2(np.where(lengths > 0, lengths, 1.0)))
 
 

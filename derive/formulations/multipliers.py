@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from derive.expressions.scalars import Vector
-from derive.mechanics.solve import ldl_solution, scalars
+from derive.mechanics.solve import ldl_solution, sparse_rows
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,6 @@ def bordered_solution(M: ca.SX, A: ca.SX, top: Vector, bottom: Vector) -> Border
     multipliers of M v̇ = F + Aᵀ λ are λ = −y.
     """
     nv, nc = M.size1(), A.size1()
-    matrix = scalars(ca.blockcat([[M, A.T], [A, ca.SX(nc, nc)]]))
+    matrix = sparse_rows(ca.blockcat([[M, A.T], [A, ca.SX(nc, nc)]]))
     solution = ldl_solution(matrix, [[*top, *bottom]], [*reversed(range(nv)), *range(nv, nv + nc)])
     return Bordered(solution.x[0][:nv], solution.x[0][nv:], solution.pivots[nv:])

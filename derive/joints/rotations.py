@@ -17,10 +17,10 @@ IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 def axis_rotation(axis: Sequence[Scalar], angle: Scalar) -> Matrix:
     """Rodrigues: R = cos θ 1 + sin θ [e]× + (1 − cos θ) e eᵀ for a unit axis e, θ in rad. About x,
     y or z it is the principal rotation, with exact zeros."""
-    s, c = ca.sin(angle), ca.cos(angle)
     for letter, unit in UNIT.items():
         if tuple(axis) == unit:
             return principal_rotation(letter, angle)
+    s, c = ca.sin(angle), ca.cos(angle)
     x, y, z = axis
     cross = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
     return [

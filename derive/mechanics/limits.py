@@ -9,6 +9,8 @@ ALONE = 10.0
 # relative size that counts as zero: what is left of a row that repeats others, at closed positions
 VANISHES = 1e-8
 ZERO = 1e-6  # a pivot that comes so near zero at a sample, relative to its largest, vanishes there
+MANY = 60  # rows from which the sizes of pivots are compared to so many digits
+DIGITS = 9
 SAME = 1e-9  # relative variation that counts as none
 MOST = 200  # candidate blocks looked at
 COFACTORS = 3  # rows up to which a block is inverted by cofactors

@@ -29,7 +29,7 @@ class Named:
 
     name: str  # as in design section 7: "A", "M", "beta" …
     about: str
-    value: ca.SX
+    value: Term[ca.SX] = Term()
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,14 @@
 """Linear systems written out: no loops, no pivoting at run time, structural zeros skipped.
 
 `ldl_solution` for symmetric positive (or quasi-) definite matrices in a given order; `lu_solution`
-with pivot blocks that `pivot_order` finds beforehand: numbers first, then what stays farthest from
-zero over sampled matrices.
+with pivot blocks that `pivoting` finds beforehand.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import reduce
 from itertools import combinations, islice
 
 import casadi as ca
@@ -28,7 +27,6 @@ from derive.mechanics.limits import (
     SAFE,
     SAME,
     VANISHES,
-    ZERO,
 )
 from derive.numerics import NONZERO
 
@@ -43,6 +41,27 @@ def scalars(matrix: ca.SX) -> Matrix:
     return rows
 
 
+SparseRow = dict[int, Scalar]  # column → entry that is no exact zero
+
+
+def sparse_rows(matrix: ca.SX) -> list[SparseRow]:
+    """The same without the zeros: of large matrices nothing else can be afforded."""
+    rows: list[SparseRow] = [{} for _ in range(matrix.size1())]
+    places = zip(*matrix.sparsity().get_triplet(), ca.vertsplit(matrix.nz[:]))
+    for i, j, x in places if matrix.nnz() else ():
+        entry = float(x) if x.is_constant() else x
+        if not is_zero(entry):
+            rows[i][j] = entry
+    return rows
+
+
+def _without_zeros(rows: Sequence[Sequence[Scalar]] | Sequence[SparseRow]) -> list[SparseRow]:
+    return [
+        dict(row) if isinstance(row, dict) else {j: x for j, x in enumerate(row) if not is_zero(x)}
+        for row in rows
+    ]
+
+
 @dataclass(frozen=True)
 class Solution:
     """x of M x = b or A x = b, and what was divided by on the way: guards watch it."""
@@ -51,37 +70,52 @@ class Solution:
     pivots: Vector  # in elimination order
 
 
-def ldl_solution(M: Matrix, sides: Sequence[Vector], order: Sequence[int]) -> Solution:
+def ldl_solution(
+    M: Matrix | Sequence[SparseRow], sides: Sequence[Vector], order: Sequence[int]
+) -> Solution:
     """M x = b by M = L D Lᵀ, eliminating unknowns in `order`; D are the `pivots` of the solution.
 
     Tip to base on a tree there is no fill: M couples links on one path alone, and the tips go first
     (Featherstone 2008, chapter 6). No square roots and no pivoting, which a positive definite or
     quasi-definite M does not need. Each of `sides` is one b.
     """
-    A = [list(row) for row in M]
+    A = _without_zeros(M)
+    place = {k: step for step, k in enumerate(order)}
     right = [list(b) for b in sides]
     weights: list[dict[int, Scalar]] = []
-    for step, k in enumerate(order):
+    for k in order:
         # structural zeros alone: what vanishes at some states is not known here
-        rest = [i for i in order[step + 1 :] if not is_zero(A[i][k])]
+        rest = sorted((i for i in A[k] if place[i] > place[k]), key=place.__getitem__)
         factors = {i: A[i][k] / A[k][k] for i in rest}
         for a, i in enumerate(rest):
             for j in rest[a:]:
-                A[i][j] = A[j][i] = minus(A[i][j], times(factors[i], A[j][k]))
+                change = minus(A[i].get(j, 0.0), times(factors[i], A[j][k]))
+                _put(A, i, j, change)
         for b in right:
             for i in rest:
                 if not is_zero(b[k]):
                     b[i] = minus(b[i], times(factors[i], b[k]))
         weights.append(factors)
-    pivots = [A[k][k] for k in order]
+    pivots = [A[k].get(k, 0.0) for k in order]
     for b in right:
-        _back(b, A, order, weights)
+        _back(b, pivots, order, weights)
     return Solution(right, pivots)
 
 
-def _back(b: Vector, A: Matrix, order: Sequence[int], weights: Sequence[dict[int, Scalar]]) -> None:
-    for k, factors in reversed(list(zip(order, weights))):
-        b[k] = 0.0 if is_zero(b[k]) else b[k] / A[k][k]
+def _put(A: list[SparseRow], i: int, j: int, x: Scalar) -> None:
+    """A symmetric pair of entries; a zero is taken out."""
+    if is_zero(x):
+        A[i].pop(j, None)
+        A[j].pop(i, None)
+    else:
+        A[i][j] = A[j][i] = x
+
+
+def _back(
+    b: Vector, pivots: Vector, order: Sequence[int], weights: Sequence[dict[int, Scalar]]
+) -> None:
+    for k, pivot, factors in reversed(list(zip(order, pivots, weights))):
+        b[k] = 0.0 if is_zero(b[k]) else b[k] / pivot
         for i, factor in factors.items():
             if not is_zero(b[i]):
                 b[k] = minus(b[k], times(factor, b[i]))
@@ -105,44 +139,71 @@ class Block:
         return self.least / self.largest
 
 
-def lu_solution(A: Matrix, sides: Sequence[Vector], pivots: Sequence[Block]) -> Solution:
+def lu_solution(
+    A: Matrix | Sequence[SparseRow], sides: Sequence[Vector], pivots: Sequence[Block]
+) -> Solution:
     """A x = b by Gauss elimination with the given pivot blocks; the `pivots` of the solution are
     their determinants, in the order of the blocks, which guards watch."""
-    rows = [list(row) for row in A]
+    rows = _without_zeros(A)
+    of_column: dict[int, set[int]] = {}
+    for i, row in enumerate(rows):
+        for j in row:
+            of_column.setdefault(j, set()).add(i)
+    row_place, place = (_places(x) for x in ([y.rows for y in pivots], [y.columns for y in pivots]))
     right = [list(b) for b in sides]
     inverses: list[Matrix] = []
     determinants: Vector = []
-    for step, block in enumerate(pivots):
-        later = pivots[step + 1 :]
-        columns = [
-            j for x in later for j in x.columns if not all(is_zero(rows[r][j]) for r in block.rows)
-        ]
+    for block in pivots:
+        last = place[block.columns[-1]]
         inverted, determinant = small_inverse(
-            [[rows[r][c] for c in block.columns] for r in block.rows]
+            [[rows[r].get(c, 0.0) for c in block.columns] for r in block.rows]
         )
         moving = [b for b in right if not all(is_zero(b[r]) for r in block.rows)]
-        for i in (
-            i for x in later for i in x.rows if not all(is_zero(rows[i][c]) for c in block.columns)
-        ):
-            factors = [dot(x, [rows[i][c] for c in block.columns]) for x in zip(*inverted)]
+        reached = {j for r in block.rows for j in rows[r] if place[j] > last}
+        columns = sorted(reached, key=place.__getitem__)
+        touched = {i for c in block.columns for i in of_column[c] if row_place[i] > last}
+        for i in sorted(touched, key=row_place.__getitem__):
+            factors = [dot(x, [rows[i].get(c, 0.0) for c in block.columns]) for x in zip(*inverted)]
             for j in columns:
-                rows[i][j] = minus(rows[i][j], dot(factors, [rows[r][j] for r in block.rows]))
+                change = dot(factors, [rows[r].get(j, 0.0) for r in block.rows])
+                _set(rows, of_column, (i, j), minus(rows[i].get(j, 0.0), change))
             for b in moving:
                 b[i] = minus(b[i], dot(factors, [b[r] for r in block.rows]))
         inverses.append(inverted)
         determinants.append(determinant)
-    above = [_later_columns(rows, pivots, step) for step in range(len(pivots))]
+    above = [_later_columns(rows, block, place) for block in pivots]
     return Solution([_substituted(rows, b, pivots, inverses, above) for b in right], determinants)
 
 
-def _later_columns(rows: Matrix, pivots: Sequence[Block], step: int) -> list[list[int]]:
+def _places(groups: Sequence[tuple[int, ...]]) -> dict[int, int]:
+    """When each row, or column, is eliminated."""
+    return {i: k for k, i in enumerate(i for group in groups for i in group)}
+
+
+def _set(
+    rows: list[SparseRow], of_column: dict[int, set[int]], place: tuple[int, int], x: Scalar
+) -> None:
+    i, j = place
+    if is_zero(x):
+        rows[i].pop(j, None)
+        of_column[j].discard(i)
+    else:
+        rows[i][j] = x
+        of_column[j].add(i)
+
+
+def _later_columns(
+    rows: Sequence[SparseRow], block: Block, place: dict[int, int]
+) -> list[list[int]]:
     """For each row of a pivot block, where it still has entries once it is eliminated."""
-    later = [j for y in pivots[step + 1 :] for j in y.columns]
-    return [[j for j in later if not is_zero(rows[r][j])] for r in pivots[step].rows]
+    last = place[block.columns[-1]]
+    return [
+        sorted((j for j in rows[r] if place[j] > last), key=place.__getitem__) for r in block.rows
+    ]
 
 
 def _substituted(
-    rows: Matrix,
+    rows: Sequence[SparseRow],
     b: Vector,
     pivots: Sequence[Block],
     inverses: Sequence[Matrix],
@@ -261,11 +322,14 @@ def _upper_solution(rows: Matrix, n: int) -> Matrix:
     return X
 
 
-def growth(values: NDArray[np.float64], block: Block) -> float:
+def growth(
+    values: NDArray[np.float64], block: Block, largest: NDArray[np.float64] | None = None
+) -> float:
     """How much the entries of matrices (samples, rows, columns) may grow when the block is
     eliminated: the largest weight of another unknown in what is solved for, columns compared by
-    their largest entries over the samples."""
-    sizes = np.maximum(np.max(np.abs(values), axis=(0, 1)), np.finfo(float).tiny)
+    their `largest` entries over the samples, and over further rows where it is given."""
+    over = np.max(np.abs(values), axis=(0, 1)) if largest is None else largest
+    sizes = np.maximum(over, np.finfo(float).tiny)
     every, rows, columns = range(len(values)), list(block.rows), list(block.columns)
     others = [j for j in range(values.shape[2]) if j not in columns]
     if not others:
@@ -290,56 +354,33 @@ def steady(values: np.ndarray, fixed: np.ndarray, best: Block) -> Block:
     return _block(values, fixed, everything, everything, scale) or best
 
 
-def best_block(values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray) -> Block | None:
-    """The safest pivot of matrices of one pattern, `values` (samples, rows, columns); None where
-    all vanish.
+@dataclass(frozen=True)
+class Part:
+    """Some rows and columns of matrices: `values` (samples, rows, columns), which entries are not
+    zero by structure, which are numbers; and of the whole matrices the largest entry and those of
+    these columns."""
 
-    A number before what varies; a single entry that stays away from zero before a block of two or
-    three whose determinant does: so a rotation between two unknowns is inverted as a whole and not
-    divided by its cosine.
-    """
-    sizes = np.abs(values)
-    over = np.min(sizes, axis=0), np.max(sizes, axis=0)
-    return _best_of_sizes(lambda: values, over, pattern, fixed)
+    values: np.ndarray
+    pattern: np.ndarray
+    fixed: np.ndarray
+    scale: float
+    largest: np.ndarray  # (columns,)
 
 
-def _best_of_sizes(
-    values: Callable[[], np.ndarray],
-    over: tuple[np.ndarray, np.ndarray],
-    pattern: np.ndarray,
-    fixed: np.ndarray,
-) -> Block | None:
-    """The same, with the least and largest sizes `over` the samples, which single entries need."""
-    single = best = _best_single(*over, pattern, fixed)
-    if best is None or single is None:
-        return None
+def or_larger(single: Block, around: Callable[[], Part]) -> Block:
+    """The best single pivot, or a larger one around it that stays farther from zero: a rotation
+    between two unknowns is inverted as a whole and not divided by its cosine."""
+    best = single
     for size in (2, 3):
         if best.grade < 2 or best.quality >= SAFE:
             break
-        larger = _best_of_size(values(), pattern, fixed, single, size)
+        part = around()
+        larger = _best_of_size(part, single, size)
         if larger is not None and (
-            larger.quality > BETTER * best.quality or _vanishes_alone(values(), best, larger)
+            larger.quality > BETTER * best.quality or _vanishes_alone(part.values, best, larger)
         ):
             best = larger
     return best
-
-
-def _best_single(
-    least: np.ndarray, largest: np.ndarray, pattern: np.ndarray, fixed: np.ndarray
-) -> Block | None:
-    """The best entry: not varying, then far from zero, then with little fill, then large."""
-    scale = np.max(largest, initial=0.0)
-    usable = pattern & np.isfinite(largest) & (largest > VANISHES * scale)
-    if not usable.any():
-        return None
-    r, c = np.nonzero(usable)
-    a, b = least[r, c], largest[r, c]
-    varies = ~fixed[r, c] & (b - a > SAME * b)
-    fill = (pattern.sum(axis=1)[r] - 1) * (pattern.sum(axis=0)[c] - 1)
-    share: NDArray[np.float64] = a / b
-    k = int(np.lexsort((-a, fill, -np.round(share, 2), varies & (a <= ZERO * b), varies))[0])
-    grade = 0 if fixed[r[k], c[k]] else 2 if varies[k] else 1
-    return Block((int(r[k]),), (int(c[k]),), float(a[k]), float(b[k]), grade)
 
 
 def _vanishes_alone(values: np.ndarray, small: Block, large: Block) -> bool:
@@ -359,20 +400,20 @@ def _sizes(values: np.ndarray, rows: tuple[int, ...], columns: tuple[int, ...]) 
     return np.abs(np.linalg.det(entries)) if len(rows) > 1 else np.abs(entries[:, 0, 0])
 
 
-def _best_of_size(
-    values: np.ndarray, pattern: np.ndarray, fixed: np.ndarray, around: Block, size: int
-) -> Block | None:
+def _best_of_size(part: Part, around: Block, size: int) -> Block | None:
     """The best block of that size with the row of a poor single pivot, among rows and columns that
     touch it."""
-    scale = np.max(np.abs(values), initial=0.0)
     candidates = [
         block
-        for rows, columns in islice(_neighbours(pattern, around.rows[0], size), MOST)
-        if (block := _block(values, fixed, rows, columns, scale)) is not None
+        for rows, columns in islice(_neighbours(part.pattern, around.rows[0], size), MOST)
+        if (block := _block(part.values, part.fixed, rows, columns, part.scale)) is not None
     ]
     safest = [block for block in candidates if block.grade < 2]
     if len(safest) > 1:  # none can vanish: what is left to choose is how digits fare
-        return min(safest, key=lambda block: (block.grade, round(growth(values, block), 1)))
+        return min(
+            safest,
+            key=lambda block: (block.grade, round(growth(part.values, block, part.largest), 1)),
+        )
     return min(candidates, key=lambda block: (block.grade, -block.quality), default=None)
 
 
@@ -404,62 +445,3 @@ def _block(
     numbers = bool(fixed[np.ix_(rows, columns)].all())
     grade = 0 if numbers else 1 if largest - least <= SAME * largest else 2
     return Block(tuple(int(r) for r in rows), tuple(int(c) for c in columns), least, largest, grade)
-
-
-def pivot_order(samples: np.ndarray, structure: np.ndarray, constant: np.ndarray) -> list[Block]:
-    """Pivot blocks for square matrices of one pattern: `samples` (k, n, n), `structure` and
-    `constant` (n, n) flags.
-
-    Greedy by `best_block`. Raises ZeroDivisionError where what is left is singular at every sample.
-    """
-    values, fixed, pattern = samples.copy(), constant & structure, structure.copy()
-    sizes = np.abs(values)
-    least, largest = np.min(sizes, axis=0), np.max(sizes, axis=0)
-    rows, columns = list(range(values.shape[1])), list(range(values.shape[2]))
-    chosen: list[Block] = []
-    while rows:
-        inside, every = np.ix_(rows, columns), np.ix_(range(len(values)), rows, columns)
-        over = least[inside], largest[inside]
-        block = _best_of_sizes(
-            partial(values.__getitem__, every), over, pattern[inside], fixed[inside]
-        )
-        if block is None:
-            raise ZeroDivisionError("the matrix is singular at every sampled state")
-        if len(columns) <= MOST_REFLECTED:
-            block = steady(values[every], fixed[inside], block)
-        r, c = tuple(rows[i] for i in block.rows), tuple(columns[j] for j in block.columns)
-        chosen.append(Block(r, c, block.least, block.largest, block.grade))
-        rows, columns = [i for i in rows if i not in r], [j for j in columns if j not in c]
-        changed = _eliminate(values, pattern, fixed, rows, columns, chosen[-1])
-        if changed:
-            place = np.ix_(*changed)
-            sizes = np.abs(values[np.ix_(range(len(values)), *changed)])
-            least[place], largest[place] = np.min(sizes, axis=0), np.max(sizes, axis=0)
-    return chosen
-
-
-def _eliminate(
-    values: np.ndarray,
-    pattern: np.ndarray,
-    fixed: np.ndarray,
-    rows: list[int],
-    columns: list[int],
-    block: Block,
-) -> tuple[list[int], list[int]] | None:
-    """Rows and columns whose entries changed, if any did."""
-    r, c = list(block.rows), list(block.columns)
-    touched = [i for i in rows if pattern[i, c].any()]
-    reached = [j for j in columns if pattern[r, j].any()]
-    if not touched or not reached:
-        return None
-    every = range(len(values))
-    inverse = np.linalg.pinv(values[np.ix_(every, r, c)])
-    change = values[np.ix_(every, touched, c)] @ inverse @ values[np.ix_(every, r, reached)]
-    values[np.ix_(every, touched, reached)] -= change
-    numbers = fixed[np.ix_(r, c)].all()
-    for i in touched:
-        for j in reached:
-            plain = fixed[i, c].all() and fixed[r, j].all() and (fixed[i, j] or not pattern[i, j])
-            fixed[i, j] = bool(numbers and plain)
-            pattern[i, j] = True
-    return touched, reached

@@ -23,6 +23,7 @@ from derive.states.closing import Kinematics, closed, nominal
 from derive.states.independence import independent, share
 from derive.states.limits import AXES_SAMPLES, BETTER, GAP, POOR
 from derive.states.sampling import row_lengths, states
+from derive.states.sparse import Sparse, clearly_independent
 
 
 def well_turned(ideal: System, forces: ca.SX) -> tuple[System, ca.SX]:
@@ -74,7 +75,10 @@ def _may_repeat(ideal: System) -> bool:
     q = closed(solver, 0.0, nominal(ideal), p)
     if q is None:
         return True
-    A = solver.velocities(0.0, q, p)[0]
+    rows = solver.velocity_terms(0.0, q, p)[0]
+    if isinstance(rows, Sparse) and clearly_independent(rows):
+        return False
+    A = rows.full()[0] if isinstance(rows, Sparse) else rows
     return bool(np.linalg.matrix_rank(A, tol=GAP * np.linalg.norm(A)) < len(A))
 
 

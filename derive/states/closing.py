@@ -13,7 +13,8 @@ import numpy as np
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 from derive.numerics import NONZERO
-from derive.states.limits import CLOSED, EVEN, LEAP, NEWTON, REPEATS
+from derive.states.limits import CLOSED, EVEN, LEAP, MANY_ROWS, NEWTON, REPEATS
+from derive.states.sparse import Sparse, squares
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,33 @@ class Kinematics:
         phi, jacobian = self._positions(t, q, p)
         return phi.full().ravel(), jacobian.full()
 
+    def position_rows(
+        self, t: float, q: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray | Sparse]:
+        """`positions`, without zeros where there are many rows."""
+        if not self.many_rows:
+            return self.positions(t, q, p)
+        phi, jacobian = self._positions(t, q, p)
+        pattern = self._positions.sparsity_out(1)
+        return phi.full().ravel(), Sparse(pattern, _entries(jacobian, pattern, 1))
+
     def velocities(
         self, t: float, q: np.ndarray, p: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A (nc × nv), c (nc,), N (nq × nv) at one state: A v = c, q̇ = N v."""
         A, c, N = self._velocities(t, q, p)
         return A.full(), c.full().ravel(), N.full()
+
+    def velocity_terms(
+        self, t: float, q: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray | Sparse, np.ndarray, np.ndarray | Sparse]:
+        """`velocities`, without zeros where there are many rows."""
+        if not self.many_rows:
+            return self.velocities(t, q, p)
+        values = self._velocities(t, q, p)
+        patterns = [self._velocities.sparsity_out(i) for i in range(3)]
+        A, N = (Sparse(patterns[i], _entries(values[i], patterns[i], 1)) for i in (0, 2))
+        return A, values[1].full().ravel(), N
 
     def rows(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A (k, nc, nv) and c (k, nc) at k states."""
@@ -48,6 +70,27 @@ class Kinematics:
         phi, J = self._many(self._closing, t, q, p)
         return phi[:, :, 0], J
 
+    @property
+    def many_rows(self) -> bool:
+        """Whether there are so many rows that their zeros are better left out."""
+        return len(self.system.rows) >= MANY_ROWS
+
+    def closing_rows(
+        self, t: np.ndarray, q: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray, Sparse]:
+        """`closing` without zeros."""
+        phi, J = self._closing.call([t.reshape(1, -1), q.T, p.T])
+        pattern = self._closing.sparsity_out(1)
+        return phi.full().T, Sparse(pattern, _entries(J, pattern, len(t)))
+
+    def velocity_rows(
+        self, t: np.ndarray, q: np.ndarray, p: np.ndarray
+    ) -> tuple[Sparse, np.ndarray]:
+        """`rows` without zeros."""
+        A, c, _ = self._velocities.call([t.reshape(1, -1), q.T, p.T])
+        pattern = self._velocities.sparsity_out(0)
+        return Sparse(pattern, _entries(A, pattern, len(t))), c.full().T
+
     def rates(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray | None:
         """N at k states; None where it is one everywhere."""
         return None if self.plain else self._many(self._rates, t, q, p)[0]
@@ -55,6 +98,13 @@ class Kinematics:
     def values(self, matrix: ca.SX, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
         """A matrix over (t, q, p) at k states."""
         return self._many(self._function("values", matrix), t, q, p)[0]
+
+    def value_rows(self, matrix: ca.SX, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> Sparse:
+        """`values` without zeros."""
+        function = self._function("values", matrix)
+        (found,) = function.call([t.reshape(1, -1), q.T, p.T])
+        pattern = function.sparsity_out(0)
+        return Sparse(pattern, _entries(found, pattern, len(t)))
 
     def carried(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
         """q + N · along with unit quaternions, at k states: `along` (k, nv) is a displacement over
@@ -108,8 +158,13 @@ def _unpacked(found: ca.DM, pattern: ca.Sparsity, k: int) -> np.ndarray:
     result = np.zeros((k, pattern.size1(), pattern.size2()))
     rows, columns = pattern.get_triplet()
     if rows and k:
-        result[:, rows, columns] = np.array(found.nonzeros()).reshape(k, len(rows))
+        result[:, rows, columns] = _entries(found, pattern, k)
     return result
+
+
+def _entries(found: ca.DM, pattern: ca.Sparsity, k: int) -> np.ndarray:
+    """The entries of k matrices of one pattern that stand side by side, (k, number of entries)."""
+    return np.array(found.nonzeros(), dtype=float).reshape(k, pattern.nnz())
 
 
 def nominal(system: System) -> np.ndarray:
@@ -139,11 +194,24 @@ def normalised(system: Turning, q: np.ndarray) -> np.ndarray:
     return result
 
 
-def _sizes(J: np.ndarray, q: np.ndarray) -> np.ndarray:
+def _sizes(J: np.ndarray | Sparse, q: np.ndarray) -> np.ndarray:
     """Σ |∂φ/∂q| (1 + |q|) of each row, in its own unit, whatever those of the coordinates are."""
-    sizes = np.abs(J) @ (1.0 + np.abs(q))
+    sizes = abs(J) @ (1.0 + np.abs(q))
     largest = float(np.max(sizes, initial=0.0))
     return np.maximum(sizes, EVEN * largest) if largest > 0.0 else np.ones(len(sizes))
+
+
+def _is_finite(J: np.ndarray | Sparse) -> bool:
+    return bool(np.all(np.isfinite(J.entries if isinstance(J, Sparse) else J)))
+
+
+def shortest(A: np.ndarray | Sparse, b: np.ndarray) -> np.ndarray:
+    """The shortest x of A x = b, or nearest to it where rows repeat others."""
+    if not len(b):
+        return np.zeros(A.shape[-1])
+    if isinstance(A, Sparse):
+        return squares(A.pattern).shortest(A, b[None])[0]
+    return np.linalg.lstsq(A, b, rcond=REPEATS)[0]
 
 
 def closed(
@@ -164,12 +232,12 @@ def closed(
     """
     weights = np.ones(len(q)) if free is None else free.astype(float)
     for _ in range(NEWTON):
-        phi, J = solver.positions(t, q, p)
-        if not (np.all(np.isfinite(phi)) and np.all(np.isfinite(J))):
+        phi, J = solver.position_rows(t, q, p)
+        if not (np.all(np.isfinite(phi)) and _is_finite(J)):
             return None
         scale = 1.0 + float(np.max(np.abs(q), initial=0.0))
         if np.all(np.abs(phi) <= CLOSED * (_sizes(J, q) if by_row else scale)):
             return q
-        step = -weights * np.linalg.lstsq(J * weights, phi, rcond=REPEATS)[0]
+        step = -weights * shortest(J * weights, phi)
         q = q + step * min(1.0, LEAP * scale / (NONZERO + float(np.max(np.abs(step), initial=0.0))))
     return None

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from derive.diagnostics import ModelError
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 from derive.model.records import Span
 from derive.numerics import refuses_numerically
-from derive.states.closing import Kinematics, closed, nominal, normalised
-from derive.states.limits import AGREES, REPEATS
+from derive.states.closing import Kinematics, closed, nominal, normalised, shortest
+from derive.states.limits import AGREES
 from derive.states.scales import scaled, scales
+from derive.states.sparse import Sparse, stacked, unit, with_zeros
 from derive.states.speeds import rows_in_own_units
 
 
@@ -125,7 +125,7 @@ def _consistent(
         return q, v, v, {}
     v = _velocities(own, solver, given, held, q, here, rows)
     speeds = {name: float(row @ v) for name, row in rows.items()}
-    return q, v, solver.velocities(own.t, q, here)[2] @ v, speeds
+    return q, v, solver.velocity_terms(own.t, q, here)[2] @ v, speeds
 
 
 def _speeds(
@@ -201,23 +201,22 @@ def _velocities(
     """v nearest the guesses with A v = c and the held rates; where they contradict each other A v =
     c wins. Guessed rates that are no generalized velocities say what v is guessed."""
     system = own.system
-    A, c, N = solver.velocities(own.t, q, p)
+    A, c, N = solver.velocity_terms(own.t, q, p)
     for what, values in (
         ("the constraints' rates", (A, c)),
         ("the rates of the coordinates", (N,)),
     ):
-        if not all(np.isfinite(value).all() for value in values):
+        if not all(np.isfinite(_entries(value)).all() for value in values):
             raise _problem(system, f"{what} are not finite at the initial position")
-    known = _rows(system, N) | speeds
-    names = [name for name in given if name in known]
+    known = _known(system, N, speeds)
+    names = [name for name in given if name in known.places]
     rows, values = _chosen(known, given, [name for name in names if name in held])
     guess = np.array([given.get(x.name, 0.0) for x in system.model.velocities])
     guessed = _chosen(known, given, [name for name in names if name not in held])
-    guess = guess + _least(guessed[0], guessed[1] - guessed[0] @ guess)
-    wanted = guess + _least(
-        np.vstack([A, rows]), np.concatenate([c, values]) - np.vstack([A, rows]) @ guess
-    )
-    v: np.ndarray = wanted + _least(A, c - A @ wanted)
+    guess = guess + shortest(guessed[0], guessed[1] - guessed[0] @ guess)
+    both = _stacked(A, rows)
+    wanted = guess + shortest(both, np.concatenate([c, values]) - both @ guess)
+    v: np.ndarray = wanted + shortest(A, c - A @ wanted)
     residual = float(np.max(np.abs(A @ v - c), initial=0.0))
     if residual > AGREES * (1 + float(np.max(np.abs(v), initial=0.0))):
         raise _problem(
@@ -228,26 +227,42 @@ def _velocities(
     return v
 
 
-def _least(A: NDArray[np.float64], b: NDArray[np.float64]) -> np.ndarray:
-    if not len(b):
-        return np.zeros(int(A.shape[1]))
-    return np.linalg.lstsq(A, b, rcond=REPEATS)[0]
+@dataclass(frozen=True)
+class Known:
+    """What velocities are called: the row of each name."""
+
+    rows: np.ndarray | Sparse
+    places: dict[str, int]
 
 
-def _rows(system: System, N: np.ndarray) -> dict[str, np.ndarray]:
-    """What velocities are called: N's rows for der(q), unit rows for generalized velocities."""
-    unit = np.eye(len(system.model.velocities))
-    rows = {f"der({c.name})": N[i] for i, c in enumerate(system.model.coordinates)}
-    return rows | {x.name: unit[j] for j, x in enumerate(system.model.velocities)}
+def _known(system: System, N: np.ndarray | Sparse, speeds: Mapping[str, np.ndarray]) -> Known:
+    """N's rows for der(q), unit rows for generalized velocities, those of declared speeds."""
+    model, n = system.model, len(system.model.velocities)
+    names = [*(f"der({c.name})" for c in model.coordinates), *(x.name for x in model.velocities)]
+    places = {name: i for i, name in enumerate((*names, *speeds))}
+    plain = _stacked(N, unit(n) if isinstance(N, Sparse) else np.eye(n))
+    return Known(_stacked(plain, np.array(list(speeds.values())).reshape(len(speeds), n)), places)
+
+
+def _stacked(above: np.ndarray | Sparse, below: np.ndarray | Sparse) -> np.ndarray | Sparse:
+    if isinstance(above, Sparse):
+        return stacked(above, below if isinstance(below, Sparse) else with_zeros(below))
+    return np.vstack([above, below.full()[0] if isinstance(below, Sparse) else below])
+
+
+def _entries(matrix: np.ndarray | Sparse) -> np.ndarray:
+    return matrix.entries if isinstance(matrix, Sparse) else matrix
 
 
 def _chosen(
-    rows: Mapping[str, np.ndarray], given: Mapping[str, float], names: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
+    known: Known, given: Mapping[str, float], names: list[str]
+) -> tuple[np.ndarray | Sparse, np.ndarray]:
     """The rows of some names, and what they are to give."""
-    width = next(iter(rows.values())).size if rows else 0
-    matrix = np.array([rows[name] for name in names]).reshape(len(names), width)
-    return matrix, np.array([given[name] for name in names])
+    places = [known.places[name] for name in names]
+    values = np.array([given[name] for name in names])
+    if isinstance(known.rows, Sparse):
+        return known.rows.of_rows(places), values
+    return known.rows[places], values
 
 
 def _problem(system: System, message: str) -> ModelError:

@@ -27,6 +27,12 @@ RANK = 1e-9  # singular values of rows of length one below this are zero
 
 # sampling
 SQUARES = 1e-14  # eigenvalues of J Jᵀ below this part of the largest are zero: rounding of squares
+
+# sparse
+MANY_ROWS = 40  # from so many rows on zeros are left out: with fewer LAPACK is as fast
+ROUNDS = 2  # of solving for velocities: once more, for what rounding left
+REFINED = 2  # steps of refinement of what is solved by squares
+POWERS = 30  # of a matrix whose extreme singular values are looked for: three digits of them
 NOTHING_LEFT = 1e-8  # of a wish: the rows forbid all of it
 LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
 STEPS = 9  # of a walk

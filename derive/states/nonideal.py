@@ -18,8 +18,9 @@ import numpy as np
 from derive.diagnostics import AssumptionError, Diagnostic
 from derive.expressions.deferred import Deferred, changed, is_deferred
 from derive.expressions.scalars import Vector
+from derive.mechanics.pivoting import pivot_order
 from derive.mechanics.records import Named, System
-from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
+from derive.mechanics.solve import ldl_solution, lu_solution, scalars
 from derive.mechanics.system import ideal_system
 from derive.model.records import Model
 from derive.numerics import refuses_numerically

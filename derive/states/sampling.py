@@ -11,11 +11,9 @@ configuration: the rank is read at closed ones, by the gap between singular valu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError, Diagnostic, listed
 from derive.mechanics.records import System
@@ -25,7 +23,6 @@ from derive.states.limits import (
     CLOSED,
     CONTRADICTION,
     FAR,
-    GAP,
     LEAP,
     LEFT_OVER,
     LOCKED,
@@ -35,12 +32,13 @@ from derive.states.limits import (
     NOTHING_LEFT,
     PROBES,
     SPARE,
-    SQUARES,
     STARTS,
     STEPS,
     TRIALS,
 )
 from derive.states.scales import scaled, scales
+from derive.states.sparse import lengths_over_states, squares
+from derive.states.views import DenseView, SparseView, View
 
 
 @dataclass(frozen=True)
@@ -165,74 +163,6 @@ def _length(value: float) -> float:
 
 
 @dataclass(frozen=True)
-class View:
-    """φ and its derivative along v at many configurations, rows divided by their usual lengths,
-    columns times the widths."""
-
-    phi: np.ndarray  # (k, m)
-    J: np.ndarray  # (k, m, nv)
-
-    @property
-    def off(self) -> np.ndarray:
-        """How far each configuration is from closed; infinite where φ is not a number."""
-        size = np.max(np.abs(self.phi), axis=1, initial=0.0)
-        return np.where(np.isfinite(size), size, np.inf)
-
-    def solved(self, right: np.ndarray, rank: int) -> np.ndarray:
-        """J⁺ right (k, nv), with the `rank` strongest directions: the least step that meets all
-        rows, also where some repeat others."""
-        if rank == self.J.shape[1]:
-            along = self.inverse @ right[:, :, None]
-        else:
-            squares, vectors = self.parts
-            vectors, squares = vectors[:, :, -rank:], squares[:, -rank:, None]
-            weights = np.where(squares > SQUARES * squares[:, -1:], 1.0, 0.0) / np.maximum(
-                squares, NONZERO
-            )
-            along = vectors @ (weights * (vectors.transpose(0, 2, 1) @ right[:, :, None]))
-        return (self.J.transpose(0, 2, 1) @ along)[:, :, 0]
-
-    def strength(self, rank: int) -> np.ndarray:
-        """(Σ 1/σ²)^−½ of the `rank` largest singular values: near zero where the least of them
-        is."""
-        if rank == self.J.shape[1]:
-            return 1 / np.sqrt(np.maximum(np.trace(self.inverse, axis1=1, axis2=2), NONZERO))
-        return 1 / np.sqrt(np.sum(1 / np.maximum(self.parts[0][:, -rank:], NONZERO), axis=1))
-
-    @property
-    def ranks(self) -> np.ndarray:
-        """The rank of J at each state, (n,): singular values over the gap, relative to the largest.
-
-        The eigenvalues of J Jᵀ are needed only where a cheap bound does not already show full rank
-        everywhere.
-        """
-        m = self.J.shape[1]
-        if np.all(self.strength(m) ** 2 > GAP * np.trace(self.gram, axis1=1, axis2=2)):
-            return np.full(len(self.J), m)
-        squares = self.parts[0]
-        return np.sum(squares > GAP * squares[:, -1:], axis=1)
-
-    @cached_property
-    def gram(self) -> np.ndarray:
-        """J Jᵀ at each state, (n, m, m): its eigenvalues are the squared singular values of J."""
-        return self.J @ self.J.transpose(0, 2, 1)
-
-    @cached_property
-    def inverse(self) -> np.ndarray:
-        """(J Jᵀ)⁻¹, kept finite where rows depend on each other."""
-        m = self.J.shape[1]
-        # far below GAP, so that it changes no direction that counts
-        small = SQUARES * np.trace(self.gram, axis1=1, axis2=2)[:, None, None] + NONZERO
-        regular: NDArray[np.float64] = self.gram + small * np.eye(m)
-        return np.linalg.inv(regular)
-
-    @cached_property
-    def parts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Eigenvalues of J Jᵀ, ascending, and eigenvectors."""
-        return np.linalg.eigh(self.gram)
-
-
-@dataclass(frozen=True)
 class Walk:
     """What all walkers share; `width` is what one unit of a walk means to each generalized
     velocity."""
@@ -246,9 +176,13 @@ class Walk:
     def view(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> View:
         """φ and its derivative along v, freed of units: rows over their usual length, columns times
         the width of their velocity, so that singular values can be compared."""
+        if self.solver.many_rows:
+            phi, rows = self.solver.closing_rows(t, q, p)
+            even = rows.finite().scaled(1 / self.lengths, self.width)
+            return SparseView(phi / self.lengths, even, squares(rows.pattern))
         phi, slopes = self.solver.closing(t, q, p)
         J = np.ascontiguousarray(np.nan_to_num(slopes) * self.width / self.lengths[:, None])
-        return View(phi / self.lengths, J)
+        return DenseView(phi / self.lengths, J)
 
     def moved(self, t: np.ndarray, q: np.ndarray, p: np.ndarray, along: np.ndarray) -> np.ndarray:
         """q + N · along, no coordinate by more than a leap."""
@@ -290,7 +224,7 @@ class Walk:
     def tangent(self, view: View, wish: np.ndarray) -> np.ndarray:
         """The wish without what the rows forbid, (1 − J⁺J) wish, its largest entry one; zero where
         nothing is left."""
-        left = wish - view.solved((view.J @ wish[:, :, None])[:, :, 0], self.rank)
+        left = wish - view.solved(view.along(wish), self.rank)
         size = np.max(np.abs(left), axis=1, initial=0.0)[:, None]
         return np.where(size > NOTHING_LEFT, left / np.maximum(size, NONZERO), 0.0)
 
@@ -340,8 +274,7 @@ def _learnt(solver: Kinematics, rng: np.random.Generator, start: np.ndarray, p: 
         default=1.0,
     )
     width = [1.0 if x.unit == "rad/s" else 2 * largest / np.pi for x in system.model.velocities]
-    sizes = np.nan_to_num(solver.closing(t, around, many)[1]) * width
-    lengths = row_lengths(sizes)
+    lengths = _usual_lengths(solver, t, around, many, np.array(width))
     walk = Walk(solver, np.array(width), lengths)
     home = np.tile(start, (PROBES, 1))
     rank = max(1, int(np.max(walk.view(t, home, many).ranks)))
@@ -356,6 +289,16 @@ def _learnt(solver: Kinematics, rng: np.random.Generator, start: np.ndarray, p: 
             strength = float(np.median(seen.strength(trial)))
             return Walk(solver, walk.width, walk.lengths, trial, NEAR * strength)
     return Walk(solver, walk.width, walk.lengths, rank)
+
+
+def _usual_lengths(
+    solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray, width: np.ndarray
+) -> np.ndarray:
+    """Of the rows of φ along v, columns times the widths."""
+    if solver.many_rows:
+        J = solver.closing_rows(t, q, p)[1].finite()
+        return lengths_over_states(J.scaled(np.ones(J.shape[1]), width))
+    return row_lengths(np.nan_to_num(solver.closing(t, q, p)[1]) * width)
 
 
 def row_lengths(matrices: np.ndarray) -> np.ndarray:
@@ -405,10 +348,7 @@ def _on_foot(
         )
         good = trusted & ~nearer
         q, t = np.where(good[:, None], there, q), np.where(good, later, t)
-        view = View(
-            np.where(good[:, None], seen.phi, view.phi),
-            np.where(good[:, None, None], seen.J, view.J),
-        )
+        view = seen.chosen(good, view)
         pace = np.where(trusted[:, None], pace, pace / 2)
         heading = np.where(good[:, None], heading, -heading) + 0.3 * rng.normal(size=(k, nv))
     return t, q
@@ -422,19 +362,28 @@ def _velocities(
     v = rng.normal(size=(len(t), solver.system.v.numel()))
     if not solver.system.rows or not v.size:
         return v, np.ones(len(t), dtype=bool)
-    rows, sides = solver.rows(t, q, p)
-    lengths = row_lengths(rows)
-    A, c = rows / lengths[:, None], sides / lengths
-    view = View(c, np.ascontiguousarray(A))
+    view = _rates(solver, t, q, p)
+    c = view.phi
     rank = int(np.max(view.ranks))
     if rank == 0:
         return v, np.ones(len(t), dtype=bool)
-    for _ in range(2):
-        v = v - view.solved((A @ v[:, :, None])[:, :, 0] - c, rank)
+    for _ in range(view.rounds):
+        v = v - view.solved(view.along(v) - c, rank)
     strength = view.strength(rank)
     regular = strength > NEAR / 5 * float(np.median(strength))
-    _refuse_contradictions(solver.system, ((A @ v[:, :, None])[:, :, 0] - c)[regular], v[regular])
+    _refuse_contradictions(solver.system, (view.along(v) - c)[regular], v[regular])
     return v, regular
+
+
+def _rates(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> View:
+    """c and A of A v = c, rows divided by their largest lengths."""
+    if solver.many_rows:
+        A, sides = solver.velocity_rows(t, q, p)
+        lengths = lengths_over_states(A)
+        return SparseView(sides / lengths, A.scaled(1 / lengths), squares(A.pattern))
+    rows, sides = solver.rows(t, q, p)
+    lengths = row_lengths(rows)
+    return DenseView(sides / lengths, np.ascontiguousarray(rows / lengths[:, None]))
 
 
 def _refuse_contradictions(system: System, left: np.ndarray, v: np.ndarray) -> None:

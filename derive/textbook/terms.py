@@ -8,7 +8,7 @@ from functools import cached_property
 import casadi as ca
 
 from derive.formulations.records import Equations, Function
-from derive.mechanics.records import System
+from derive.mechanics.records import Named, System
 
 DEEP = 8  # levels down to which two rows are compared, operation by operation
 
@@ -27,15 +27,15 @@ class Terms:
     def named(self, name: str) -> ca.SX:
         """A named term of the equations, else of the system."""
         term = self._of_equations.get(name)
-        return getattr(self.system, name) if term is None else term
+        return getattr(self.system, name) if term is None else term.value
 
     def has(self, name: str) -> bool:
         """Whether the equations themselves named it."""
         return name in self._of_equations
 
     @cached_property
-    def _of_equations(self) -> dict[str, ca.SX]:
-        return {x.name: x.value for x in reversed(self.equations.named)}
+    def _of_equations(self) -> dict[str, Named]:
+        return {x.name: x for x in reversed(self.equations.named)}
 
     def function(self, name: str) -> Function | None:
         """A function of the generated module."""

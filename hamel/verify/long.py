@@ -1,4 +1,8 @@
-"""Verification of long trees: the module against the reference's balance of forces, O(n).
+"""Verification of long trees, and of mechanisms of many loops: the module against the reference's
+balance of forces, O(n).
+
+In loops v̇ is what keeps the closures at the ẇ of the module; then what is left of M v̇ + h − Q has
+to be a force along them, Aᵀ λ. Both are solved for without a matrix over the whole mechanism.
 
 What the usual suite looks at besides, matrices over all pairs of velocities and every function
 written out, is not formed for them.
@@ -10,21 +14,40 @@ import importlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import ModuleType
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from codegen.reals import real_of
-from derive.formulations.records import Equations
+from derive.formulations.evaluate import function_of
+from derive.formulations.manifold import speed_rows
+from derive.formulations.records import Equations, Function
+from derive.formulations.requests import request_of
+from derive.mechanics.limits import LONG
 from derive.model.records import Model
 from derive.states import sampling
 from hamel.verify.checks.evidence import all_parameters
+from hamel.verify.limits import FLOOR
 from hamel.verify.records import CheckResult, Verification
-from hamel.verify.reference.balance import balance, powers
+from hamel.verify.reference.balance import Balance, balance, powers
+from hamel.verify.reference.loads import uses_reactions
 from hamel.verify.reference.outcome import Reference, energies, reference, state_of
 from hamel.verify.reference.outputs import events, nearest_turn, outputs
 from hamel.verify.reference.states import State
+from hamel.verify.reference.ties import (
+    Sparse,
+    Tie,
+    accelerations,
+    are_ties,
+    carried_back,
+    forces,
+    rows_over_velocities,
+    ties,
+    violation,
+)
 from hamel.verify.reference.vectors import Array
 
 VARIED = 0.02  # of parameters that are arguments: any mechanism stays one
@@ -37,6 +60,9 @@ BALANCED = 1e-9
 SUMMED = 1e-9  # energies and powers, relative to them or to one of their unit
 # Central differences over STEP lose ten of sixteen digits.
 STEP, CHANGED = 1e-5, 1e-6
+# What follows from w by A v = c over a row of a thousand loops, and how far these are closed
+KEPT = 1e-9
+OFF = 0.1  # off the constraints
 BLOCKS = 8
 ROUNDINGS, DRAWS = 4.0, 3  # of arguments, as far as operations on them are roundings, too
 TINY = 1e-300  # where nothing acts
@@ -49,11 +75,38 @@ Row = tuple[float, Array, Array, Array]  # t, x, u, p: what the module is called
 class Place:
     """A random state, as the module takes it and as the reference sees it."""
 
+    ref: Reference
+    equations: Equations
     t: float
     x: Array
     u: Array
     p: Array
     state: State
+    own: tuple[int, ...]  # which of v are w
+    tied: bool
+
+    @property
+    def whole(self) -> Array:
+        """(q, v), of which the module's x may have a part alone."""
+        return np.concatenate([self.state.q, self.state.v])
+
+    @cached_property
+    def ties(self) -> list[Tie]:
+        """Closures and rods here."""
+        return ties(self.ref.model, self.state)
+
+    @cached_property
+    def A(self) -> list[Sparse]:
+        """Their rows over v."""
+        return rows_over_velocities(self.state, self.ties)
+
+    def accelerations(self, wdot: Array) -> Array:
+        """v̇ at ẇ: no numbers where the closures cannot be kept."""
+        if not self.tied:
+            return wdot
+        given = dict(zip(self.own, wdot.tolist()))
+        vdot, left = accelerations(self.state, self.ties, self.A, given)
+        return vdot if left <= BALANCED else np.full(len(vdot), np.nan)
 
     @property
     def row(self) -> Row:
@@ -62,9 +115,9 @@ class Place:
 
 
 def is_long(equations: Equations, module: ModuleType) -> bool:
-    """Whether the model is a tree so long that its module is verified by this suite, which knows
-    all functions that it has."""
-    known = {name for name, *_ in CHECKS}
+    """Whether the model is so long that its module is verified by this suite, which knows all
+    functions that it has."""
+    known = {name for name, *_ in _checks(equations)}
     further = {x.name for x in (*equations.functions, *equations.requests)} - known
     whole = hasattr(module, "dynamics")  # which others are held against
     return of_long_tree(equations) and whole and not any(hasattr(module, x) for x in further)
@@ -75,7 +128,34 @@ def of_long_tree(equations: Equations) -> bool:
     system = equations.system
     own = system.model
     plain = own.kinetic is None and own.potential is None and not own.states
-    return system.long and plain and not equations.charts
+    return (system.long or _of_long_loops(equations)) and plain and not equations.charts
+
+
+def _of_long_loops(equations: Equations) -> bool:
+    """Of many links in loops, whose quasi-velocities are some of the velocities."""
+    system = equations.system
+    many = bool(system.rows) and len(system.links) >= LONG
+    model = system.model
+    ideal = not uses_reactions((model.loads, model.outputs, model.events))
+    return many and are_ties(model) and ideal and own_velocities(equations) is not None
+
+
+def own_velocities(equations: Equations) -> tuple[int, ...] | None:
+    """Which of v are w = B v; None where w are other combinations."""
+    B = speed_rows(equations)
+    rows, columns = B.sparsity().get_triplet()
+    single = sorted(rows) == list(range(B.size1())) and B.is_constant()
+    if not single or not all(float(x) == 1.0 for x in ca.vertsplit(ca.DM(B.nz[:]))):
+        return None
+    return tuple(j for _, j in sorted(zip(rows, columns)))
+
+
+def _checks(equations: Equations) -> tuple[Entry, ...]:
+    """In loops velocities follow from each other, and are the same up to rounding alone."""
+    if not equations.system.rows:
+        return CHECKS
+    solved = ((a, b, max(least, KEPT), about, error) for a, b, least, about, error in CHECKS)
+    return (*solved, *OF_LOOPS)
 
 
 def long_verification(
@@ -85,7 +165,7 @@ def long_verification(
     ref = reference(model)
     places = drawn(ref, equations, max(FEWEST, states), seed)
     loose = real_of(module.defaults.dtype.name).coarseness
-    found = tuple(_results(ref, module, places, loose))
+    found = tuple(_results(_checks(equations), module, places, loose))
     columns = zip(*(np.concatenate([[s.t], s.x, s.u, s.p]) for s in places))
     names = ["t", *(name for a in equations.arguments if a.name != "t" for name in a.labels)]
     return Verification(
@@ -105,25 +185,30 @@ def drawn(ref: Reference, equations: Equations, count: int, seed: int) -> list[P
     return [_place(ref, equations, row) for row in _rows(equations, count, seed)]
 
 
-def _rows(equations: Equations, count: int, seed: int) -> list[Row]:
+def _rows(equations: Equations, count: int, seed: int) -> list[tuple[float, Array, Array, Array]]:
+    """t, (q, v), u and p."""
     found = sampling.states(equations.system, count, seed, parameters=VARIED)
-    x = np.concatenate([found.q, found.v], axis=1)
-    return list(zip(found.t.tolist(), x, found.u, found.p))
+    whole = np.concatenate([found.q, found.v], axis=1)
+    return list(zip(found.t.tolist(), whole, found.u, found.p))
 
 
 def _place(ref: Reference, equations: Equations, row: Row) -> Place:
-    t, x, u, p = row
-    q, v = np.split(x, [len(equations.system.model.coordinates)])
-    return Place(*row, state_of(ref, t, q, v, u, all_parameters(equations.system, p)))
+    t, whole, u, p = row
+    nq = len(equations.system.model.coordinates)
+    q, v = np.split(whole, [nq])
+    own = own_velocities(equations) or ()
+    x = np.concatenate([q, v[list(own)]]) if equations.system.rows else whole
+    seen = state_of(ref, t, q, v, u, all_parameters(equations.system, p))
+    return Place(ref, equations, t, x, u, p, seen, own, bool(equations.system.rows))
 
 
 def _results(
-    ref: Reference, module: ModuleType, places: Sequence[Place], loose: float
+    checks: Sequence[Entry], module: ModuleType, places: Sequence[Place], loose: float
 ) -> Iterator[CheckResult]:
-    for function, name, tolerance, about, error in CHECKS:
+    for function, name, tolerance, about, error in checks:
         if not hasattr(module, function):
             continue
-        errors = [error(ref, module, place) for place in places]
+        errors = [error(place.ref, module, place) for place in places]
         yield _result(name, [float(x) for x in errors if x is not None], tolerance * loose, about)
     for name, about, backend in BACKENDS:
         call = backend(module)
@@ -151,16 +236,94 @@ def _called(call: Call, *row: Any) -> Array:
         return np.full(1, np.nan)
 
 
+def _guards(ref: Reference, module: ModuleType, place: Place) -> float:
+    """As derived, and far from refusing a regular state."""
+    function = function_of(place.equations, made(place.equations, "guards"))
+    wanted = np.ravel(function(*place.row))
+    found = _called(module.guards, *place.row)
+    sizes = np.maximum(1.0, np.abs(wanted))
+    refuses = found.shape != wanted.shape or np.any(np.abs(found) < 1.0)
+    return math.inf if refuses else _largest((found - wanted) / sizes)
+
+
+def _constraint_rows(ref: Reference, module: ModuleType, place: Place) -> float:
+    """Entries of the reference's A, each row over a power of two."""
+    pattern = made(place.equations, "constraint_rows").result.pattern
+    found = _called(module.constraint_rows, *place.row)
+    if pattern is None or pattern.shape[0] != len(place.A) or len(found) != len(pattern.rows):
+        return math.inf
+    wanted = np.array([place.A[i].get(j, 0.0) for i, j in zip(pattern.rows, pattern.columns)])
+    lengths = [
+        np.sqrt(np.bincount(pattern.rows, weights=x**2, minlength=len(place.A)))
+        for x in (found, wanted)
+    ]
+    ratio = 2.0 ** np.round(np.log2(lengths[0] / lengths[1]))[list(pattern.rows)]
+    whole = sum(map(len, place.A)) <= len(found)  # none of the reference's is left out
+    return _relative(found, ratio * wanted) if whole else math.inf
+
+
+def made(equations: Equations, name: str) -> Function:
+    """A function on request."""
+    request = request_of(equations, name)
+    assert request is not None
+    return request.function
+
+
 def _rates(ref: Reference, module: ModuleType, place: Place) -> float:
     return _relative(_called(module.dynamics, *place.row)[: len(place.state.q)], place.state.rates)
 
 
 def _motion(ref: Reference, module: ModuleType, place: Place) -> float:
-    vdot = _called(module.dynamics, *place.row)[len(place.state.q) :]
-    if len(vdot) != len(place.state.v) or not np.isfinite(vdot).all():
+    wdot = _called(module.dynamics, *place.row)[len(place.state.q) :]
+    if len(wdot) != len(place.x) - len(place.state.q) or not np.isfinite(wdot).all():
         return math.inf
-    found = balance(ref, place.state, vdot)
-    return _largest(found.left / np.maximum(found.size, TINY))
+    found = balance(ref, place.state, place.accelerations(wdot))
+    if not place.tied:
+        return _largest(found.left / _sizes(place, found.size))
+    return _unbalanced(place, found, forces(place.A, found))
+
+
+def _unbalanced(place: Place, found: Balance, lam: Array) -> float:
+    """What the forces along the closures leave."""
+    held = carried_back(place.A, lam, len(found.left))
+    sizes = [{j: abs(x) for j, x in row.items()} for row in place.A]
+    size = found.size + carried_back(sizes, np.abs(lam), len(found.left))
+    return _largest((found.left - held) / _sizes(place, size))
+
+
+def _sizes(place: Place, size: Array) -> Array:
+    """What errors at joints are held against. In loops joints are near to the ground, and one that
+    feels hardly anything just here is held against the others."""
+    least = FLOOR * np.max(size, initial=0.0) if place.tied else 0.0
+    return np.maximum(size, max(least, TINY))
+
+
+def _reactions(ref: Reference, module: ModuleType, place: Place) -> float:
+    lam = _called(module.reactions, *place.row)
+    wdot = _called(module.dynamics, *place.row)[len(place.state.q) :]
+    if lam.shape != (len(place.A),) or not np.isfinite(lam).all() or len(wdot) != len(place.own):
+        return math.inf
+    return _unbalanced(place, balance(ref, place.state, place.accelerations(wdot)), lam)
+
+
+def _admissible(ref: Reference, module: ModuleType, place: Place) -> float:
+    """Of the states themselves."""
+    found = violation(place.state, place.ties)
+    rates = found.rate / np.maximum(found.size, np.max(found.size, initial=TINY))
+    return max(_largest(rates), _largest(found.phi))
+
+
+def _constraints(ref: Reference, module: ModuleType, place: Place) -> float:
+    """φ off the constraints, where it is not zero; A v − c is zero there, too."""
+    q = place.state.q + OFF * np.random.default_rng(8).uniform(-1.0, 1.0, len(place.state.q))
+    x = np.concatenate([q, place.x[len(q) :]])
+    own = place.state
+    there = state_of(ref, place.t, q, own.v, own.u, own.p)
+    phi = violation(there, ties(ref.model, there)).phi
+    found = _called(module.constraints, place.t, x, place.u, place.p)
+    if len(found) < len(phi):
+        return math.inf
+    return _relative(found[: len(phi)], phi)
 
 
 def _given(function: str, place: Place) -> Array:
@@ -176,7 +339,8 @@ def _given(function: str, place: Place) -> Array:
 
 def _row(function: str, place: Place) -> Row:
     """What the function is called with."""
-    x = np.concatenate([place.x, _given(function, place)])
+    whole = function in ("inverse_dynamics", "state")
+    x = np.concatenate([place.whole if whole else place.x, _given(function, place)])
     return place.t, x, place.u, place.p
 
 
@@ -187,7 +351,7 @@ def _inverse(ref: Reference, module: ModuleType, place: Place) -> float:
         return math.inf
     idle = state_of(ref, place.t, own.q, own.v, np.zeros_like(place.u), own.p)
     found = balance(ref, idle, vdot)
-    return _largest((forces - found.left) / np.maximum(found.size, TINY))
+    return _largest((forces - found.left) / _sizes(place, found.size))
 
 
 def _bias(ref: Reference, module: ModuleType, place: Place) -> float:
@@ -196,7 +360,7 @@ def _bias(ref: Reference, module: ModuleType, place: Place) -> float:
     if h.shape != still.shape:
         return math.inf
     found = balance(ref, place.state, still, driven=False)
-    return _largest((h - found.left) / np.maximum(found.size, TINY))
+    return _largest((h - found.left) / _sizes(place, found.size))
 
 
 def _along(ref: Reference, module: ModuleType, place: Place) -> float:
@@ -256,7 +420,7 @@ def _velocity(ref: Reference, module: ModuleType, place: Place) -> float:
 
 
 def _state_of(ref: Reference, module: ModuleType, place: Place) -> float:
-    return _relative(_called(module.state, *place.row), place.x)
+    return _relative(_called(module.state, *_row("state", place)), place.x)
 
 
 def _power(ref: Reference, module: ModuleType, place: Place) -> float:
@@ -294,7 +458,8 @@ def _largest(x: Array) -> float:
 
 Error = Callable[[Reference, ModuleType, Place], float]
 # function, what is checked of it, tolerance, what it is held against
-CHECKS: tuple[tuple[str, str, float, str, Error], ...] = (
+Entry = tuple[str, str, float, str, Error]
+CHECKS: tuple[Entry, ...] = (
     ("dynamics", "rates", SAME, "q̇ of dynamics against N v", _rates),
     (
         "dynamics",
@@ -326,6 +491,15 @@ CHECKS: tuple[tuple[str, str, float, str, Error], ...] = (
     ("energy", "energy", SUMMED, "T and V", _energy),
     ("outputs", "outputs", SUMMED, "points, velocities and angles", _outputs),
     ("events", "events", SUMMED, "what changes its sign at events", _events),
+)
+
+
+OF_LOOPS: tuple[Entry, ...] = (
+    ("dynamics", "admissible", KEPT, "φ and A v − c at the states looked at", _admissible),
+    ("reactions", "reactions", BALANCED, "M v̇ + h − Q against Aᵀ λ", _reactions),
+    ("constraints", "constraints", SUMMED, "φ off the constraints", _constraints),
+    ("guards", "guards", KEPT, "pivots as derived, none near where it is refused", _guards),
+    ("constraint_rows", "rows", SUMMED, "A, each row over its usual length", _constraint_rows),
 )
 
 
@@ -378,9 +552,11 @@ def shipped_rows(
     drawn_rows = _rows(equations, count, seed)
     rows = [(float(f"{t:.8g}"), _few(x), _few(u), _few(p)) for t, x, u, p in drawn_rows]
     places = [_place(ref, equations, row) for row in rows]
-    for name in dict.fromkeys(name for name, *_ in CHECKS if hasattr(module, name)):
+    for name in dict.fromkeys(name for name, *_ in _checks(equations) if hasattr(module, name)):
         call = getattr(module, name)
-        checks = [(tolerance, error) for own, _, tolerance, _, error in CHECKS if own == name]
+        checks = [
+            (tolerance, error) for own, _, tolerance, _, error in _checks(equations) if own == name
+        ]
         yield (
             name,
             [

@@ -42,22 +42,22 @@ def balance(ref: Reference, s: State, vdot: Array, driven: bool = True) -> Balan
     place = ref.place
     forces = applied(ref.model, place, s)
     loads = forces.total if driven else forces.weight
-    carried = _wrenches(ref, s, _twist_rates(s, vdot), loads)
+    carried = _wrenches(ref, s, twist_rates(s, vdot), loads)
     spinning = rotors(ref, s) * vdot
     left, size = spinning - loads[: place.nv], np.abs(spinning) + np.abs(loads[: place.nv])
     for seat in reversed(s.seats):
         own = carried[seat.joint.child]
-        at_joint, size_there = _at_joint(seat, own)
-        left[seat.columns] += seat.twists.T @ at_joint
+        there, size_there = _both_at_joint(seat, own)
+        left[seat.columns] += seat.twists.T @ there
         size[seat.columns] += np.abs(seat.twists).T @ size_there
         if seat.joint.parent != GROUND:
             below = carried[seat.joint.parent]
-            below.wrench += _moved(at_joint, seat.arm_parent)
+            below.wrench += moved(there, seat.arm_parent)
             below.size += _moved_size(size_there, seat.arm_parent)
     return Balance(left, size)
 
 
-def _twist_rates(s: State, vdot: Array) -> dict[str, Array]:
+def twist_rates(s: State, vdot: Array) -> dict[str, Array]:
     """(α, acceleration of the origin) of every body."""
     rates: dict[str, Array] = {GROUND: np.zeros(6)}
     for seat in s.seats:
@@ -82,12 +82,17 @@ def _wrenches(
     return result
 
 
-def _at_joint(seat: Seat, own: _Carried) -> tuple[Array, Array]:
+def _both_at_joint(seat: Seat, own: _Carried) -> tuple[Array, Array]:
     """At the joint frame, `arm_child` away from the origin."""
-    return _moved(own.wrench, -seat.arm_child), _moved_size(own.size, seat.arm_child)
+    return at_joint(seat, own.wrench), _moved_size(own.size, seat.arm_child)
 
 
-def _moved(wrench: Array, arm: Array) -> Array:
+def at_joint(seat: Seat, wrench: Array) -> Array:
+    """A wrench about the child's origin, about the joint frame."""
+    return moved(wrench, -seat.arm_child)
+
+
+def moved(wrench: Array, arm: Array) -> Array:
     """A wrench about the end of `arm`, seen from its start."""
     x, y, z = arm
     n, f = wrench[:3], wrench[3:]

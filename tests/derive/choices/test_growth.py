@@ -14,10 +14,10 @@ import pytest
 from derive.choices.named import carried_through, declared
 from derive.choices.survey import survey_of
 from derive.mechanics.limits import COFACTORS
+from derive.mechanics.pivoting import pivot_order
 from derive.mechanics.solve import (
     Block,
     growth,
-    pivot_order,
     reflected_solution,
     scalars,
     small_inverse,

@@ -16,8 +16,8 @@ from codegen.passes import program
 from derive.diagnostics import AssumptionError
 from derive.formulations import choices, equations
 from derive.formulations.records import Equations
+from derive.mechanics.pivoting import pivot_order
 from derive.mechanics.records import System
-from derive.mechanics.solve import best_block
 from derive.model import load, load_text
 from derive.states import system
 from derive.states.sampling import states
@@ -187,8 +187,8 @@ def test_a_rotation_between_unknowns_is_inverted_as_a_whole() -> None:
     values = np.moveaxis(
         np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]), 2, 0
     )
-    block = best_block(values, np.ones((2, 2), bool), np.zeros((2, 2), bool))
-    assert block is not None and block.rows == (0, 1) and block.grade == 1
+    (block,) = pivot_order(values, np.ones((2, 2), bool), np.zeros((2, 2), bool))
+    assert block.rows == (0, 1) and block.grade == 1
 
 
 def test_nothing_left_to_move() -> None:

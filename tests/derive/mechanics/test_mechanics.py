@@ -30,8 +30,9 @@ from derive.joints.rotations import (
 )
 from derive.joints.turns import turn
 from derive.mechanics.links import moved, summed
+from derive.mechanics.pivoting import pivot_order
 from derive.mechanics.records import Inertia, System
-from derive.mechanics.solve import ldl_solution, lu_solution, pivot_order, scalars
+from derive.mechanics.solve import ldl_solution, lu_solution, scalars
 from derive.mechanics.tree import ground_positions, ground_rotations
 from derive.model import load, load_text
 from derive.states import system

@@ -5,8 +5,9 @@ The same file in every generated folder. No claim of licence is made on it: 0BSD
 Errors of a method of order p grow as h^p, so a companion whose steps are s times as long differs
 by about s^p - 1 errors (L. F. Richardson, 1911). The companion's are to be 7/3 times as long, by a
 tolerance (7/3)^p times as large, or twice as long where steps are equal; and it has every second
-row, for steps end at rows. What they were is counted. Of the difference over s^(9p/10) - 1 a multiple is
-taken that is at least the error in 99 of 100 motions, and some thirty times as large in the middle.
+row, for steps end at rows. What they were is counted. Of the difference over s^(9p/10) - 1 a
+multiple is taken that is at least the error in 99 of 100 motions, and some thirty times as large in
+the middle.
 """
 
 from __future__ import annotations
@@ -56,12 +57,9 @@ def estimate(
     steps = _tried(found)
     longer = steps / np.maximum(_tried(companion), 1.0)
     looser = coarser(rtol, 1.0, None, order)[0] / rtol
-    if order:
-        growth = longer ** (EXPONENT * order)
-    else:
-        growth = np.full(longer.shape, looser**EXPONENT)
-    if not equal:
-        growth = np.minimum(growth, looser)  # few steps are longer than what they err by tells
+    own = longer ** (EXPONENT * order) if order else np.full(longer.shape, looser**EXPONENT)
+    # few steps may be much longer than the errors tell
+    growth = own if equal else np.minimum(own, looser)
     gain = (OF_EQUAL_STEPS if equal else SAFETY) / np.maximum(growth - 1.0, 0.5)
     size = np.maximum.accumulate(np.abs(found.x), axis=-2)
     every = np.repeat(gain * grown, 2, axis=-2)[..., -count:, :]

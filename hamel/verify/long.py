@@ -266,7 +266,7 @@ def _mass(ref: Reference, module: ModuleType, place: Place) -> float:
 def _guards(ref: Reference, module: ModuleType, place: Place) -> float:
     """As derived, and far from refusing a regular state."""
     function = function_of(place.equations, made(place.equations, "guards"))
-    wanted = np.ravel(function(*place.row))
+    wanted = function(*place.row).full().ravel()
     found = _called(module.guards, *place.row)
     sizes = np.maximum(1.0, np.abs(wanted))
     refuses = found.shape != wanted.shape or np.any(np.abs(found) < 1.0)

@@ -63,6 +63,8 @@ STEP, CHANGED = 1e-5, 1e-6
 # What follows from w by A v = c over a row of a thousand loops, and how far these are closed
 KEPT = 1e-9
 OFF = 0.1  # off the constraints
+# … and so near that what is closed is not far: a correction may be longer in some coordinates
+NEAR, FARTHEST = 1e-4, 100.0
 BLOCKS = 8
 ROUNDINGS, DRAWS = 4.0, 3  # of arguments, as far as operations on them are roundings, too
 TINY = 1e-300  # where nothing acts
@@ -120,10 +122,10 @@ def is_long(equations: Equations, module: ModuleType) -> bool:
     known = {name for name, *_ in _checks(equations)}
     further = {x.name for x in (*equations.functions, *equations.requests)} - known
     whole = hasattr(module, "dynamics")  # which others are held against
-    return of_long_tree(equations) and whole and not any(hasattr(module, x) for x in further)
+    return of_long_model(equations) and whole and not any(hasattr(module, x) for x in further)
 
 
-def of_long_tree(equations: Equations) -> bool:
+def of_long_model(equations: Equations) -> bool:
     """Whether nothing but functions on request may need more than O(n)."""
     system = equations.system
     own = system.model
@@ -236,10 +238,35 @@ def _called(call: Call, *row: Any) -> Array:
         return np.full(1, np.nan)
 
 
+def _project(ref: Reference, module: ModuleType, place: Place) -> float:
+    """What is left of φ at what `project` makes of a state off the constraints; w stays."""
+    nq, rng = len(place.state.q), np.random.default_rng(9)
+    q = place.state.q + NEAR * rng.uniform(-1.0, 1.0, nq)
+    found = _called(module.project, place.t, np.concatenate([q, place.x[nq:]]), *place.row[2:])
+    if found.shape != place.x.shape or not np.isfinite(found).all():
+        return math.inf
+    own = place.state
+    there = state_of(ref, place.t, found[:nq], own.v, own.u, own.p)
+    off = _largest(violation(there, ties(ref.model, there)).phi)
+    far = _largest(found[:nq] - q) > FARTHEST * NEAR
+    return math.inf if far else max(off, _relative(found[nq:], place.x[nq:]))
+
+
+def _mass(ref: Reference, module: ModuleType, place: Place) -> float:
+    """M y of a random y, against the reference's balance."""
+    nv = len(place.state.v)
+    M, y = _called(module.mass, *place.row), np.random.default_rng(10).normal(size=nv)
+    if M.shape != (nv * nv,):
+        return math.inf
+    there, still = (balance(ref, place.state, x) for x in (y, np.zeros(nv)))
+    size = there.size + still.size
+    return _largest((M.reshape(nv, nv) @ y - (there.left - still.left)) / _sizes(place, size))
+
+
 def _guards(ref: Reference, module: ModuleType, place: Place) -> float:
     """As derived, and far from refusing a regular state."""
     function = function_of(place.equations, made(place.equations, "guards"))
-    wanted = np.ravel(function(*place.row))
+    wanted = function(*place.row).full().ravel()
     found = _called(module.guards, *place.row)
     sizes = np.maximum(1.0, np.abs(wanted))
     refuses = found.shape != wanted.shape or np.any(np.abs(found) < 1.0)
@@ -498,6 +525,8 @@ OF_LOOPS: tuple[Entry, ...] = (
     ("dynamics", "admissible", KEPT, "φ and A v − c at the states looked at", _admissible),
     ("reactions", "reactions", BALANCED, "M v̇ + h − Q against Aᵀ λ", _reactions),
     ("constraints", "constraints", SUMMED, "φ off the constraints", _constraints),
+    ("project", "project", SUMMED, "φ at what is closed, w kept", _project),
+    ("mass", "mass", BALANCED, "M times a vector, against the balance of forces", _mass),
     ("guards", "guards", KEPT, "pivots as derived, none near where it is refused", _guards),
     ("constraint_rows", "rows", SUMMED, "A, each row over its usual length", _constraint_rows),
 )

@@ -17,7 +17,7 @@ from hamel.verify.checks import CHECKS, LOADED, QUICK
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.evidence import Evidence, Sample, evidence, varied
 from hamel.verify.checks.linear import with_linearization
-from hamel.verify.long import is_long, long_verification, of_long_tree
+from hamel.verify.long import is_long, long_verification, of_long_model
 from hamel.verify.records import CheckResult, Verification
 from hamel.verify.reference.outcome import reference
 from hamel.verify.reference.vectors import Array
@@ -63,7 +63,7 @@ def quick_verification(
     The checks that compare terms with each other, and the other ways to call the code, are left to
     `verification`.
     """
-    if of_long_tree(equations) and is_long(equations, module()):
+    if of_long_model(equations) and is_long(equations, module()):
         return long_verification(model, equations, module(), states, seed)
     seen = evidence(reference(model), equations, None, states, seed)
     terms_agree = (*results(seen, QUICK), *_in_charts(seen, QUICK))

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from functools import partial
 from types import ModuleType
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from derive.formulations import equations
-from derive.formulations.evaluate import function_of
+from derive.formulations.evaluate import evaluator, function_of
 from derive.formulations.records import Equations
 from derive.model import load_text
 from derive.states import system
@@ -38,7 +38,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning", "ignore::Futur
 
 FUNCTIONS = (
     *("dynamics", "bias", "inverse_dynamics", "power", "energy", "velocity", "state"),
-    *("reactions", "constraints", "guards", "constraint_rows"),
+    *("reactions", "constraints", "project", "mass", "guards", "constraint_rows"),
 )
 SPATIAL = """
 model: ladder
@@ -72,15 +72,17 @@ def row() -> Equations:
 def module(of: Equations, wrong: str = "", entry: int = -1, part: float = 0.0) -> ModuleType:
     """What stands for a module: the equations as CasADi evaluates them, one entry off."""
     result = ModuleType("nothing")
-    known = {x.name for x in of.functions}
+    known, evaluated = {x.name for x in of.functions}, evaluator(of)
     for name in FUNCTIONS:
         function = of.function(name) if name in known else made(of, name)
-        vars(result)[name] = _call(function_of(of, function), entry, part * (name == wrong))
+        own = evaluated.iterated if name == "project" else None
+        call = partial(own, name) if own else function_of(of, function)
+        vars(result)[name] = _call(call, entry, part * (name == wrong))
     vars(result)["defaults"] = np.zeros(len(of.parameters))
     return result
 
 
-def _call(f: ca.Function, entry: int, part: float) -> Callable[..., np.ndarray]:
+def _call(f: Callable[..., Any], entry: int, part: float) -> Callable[..., np.ndarray]:
     def call(t: Any, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         if np.ndim(t):
             return np.array([call(*each) for each in zip(t, x, u, p)])
@@ -109,6 +111,8 @@ def test_what_is_right_passes(row: Equations) -> None:
         ("state", "state"),
         ("reactions", "reactions"),
         ("constraints", "constraints"),
+        ("project", "project"),
+        ("mass", "mass"),
         ("guards", "guards"),
         ("constraint_rows", "rows"),
     ],

@@ -3,10 +3,11 @@
 The same file in every generated folder. No claim of licence is made on it: 0BSD, see LICENSE.txt.
 
 Errors of a method of order p grow as h^p, so a companion whose steps are s times as long differs
-by about s^p - 1 errors (L. F. Richardson, 1911). The companion's are to be twice as long: by a
-tolerance 2^p times as large, or twice the step size, and every second row, for steps end at rows.
-What they were is counted. Twelve times the difference over s^(9p/10) - 1 is taken, which is at
-least the error in 99 of 100 motions, and some thirty times as large in the middle.
+by about s^p - 1 errors (L. F. Richardson, 1911). The companion's are to be 7/3 times as long, by a
+tolerance (7/3)^p times as large, or twice as long where steps are equal; and it has every second
+row, for steps end at rows. What they were is counted. Of the difference over s^(9p/10) - 1 a
+multiple is taken that is at least the error in 99 of 100 motions, and some thirty times as large in
+the middle.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-SAFETY = 12.0
+LONGER = 7.0 / 3.0  # steps of the companion
+SAFETY, OF_EQUAL_STEPS = 6.5, 12.0
 EXPONENT = 0.9  # of what the order promises
 ALIKE = 1.2  # longer steps than this by a factor tell something
 LOOSEST = 1e-2  # a tolerance means little above
@@ -28,7 +30,7 @@ def coarser(
     """Tolerances and step size of the companion."""
     if step_size is not None:
         return rtol, atol, 2.0 * step_size
-    factor = max(1.0, min(2.0 ** (order or BY_TOLERANCE), LOOSEST / rtol))
+    factor = max(1.0, min(LONGER ** (order or BY_TOLERANCE), LOOSEST / rtol))
     return rtol * factor, atol * factor, None
 
 
@@ -37,10 +39,13 @@ def rows(times: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(times[..., ::-1][..., ::2][..., ::-1])
 
 
-def estimate(found: Any, companion: Any, order: float | None, rtol: float) -> np.ndarray:
+def estimate(
+    found: Any, companion: Any, order: float | None, rtol: float, equal: bool
+) -> np.ndarray:
     """Of every entry of x at every row, never falling along the motion; NaN where the companion did
     not arrive, and of those of many motions that ended before their last row: how many steps their
-    companions took as far as there is not known."""
+    companions took as far as there is not known. `equal` says that steps have a size that was asked
+    for."""
     count = found.x.shape[-2]
     lean = found.x[..., ::-1, :][..., ::2, :][..., ::-1, :]
     reached = companion.x.shape[-2]
@@ -51,11 +56,11 @@ def estimate(found: Any, companion: Any, order: float | None, rtol: float) -> np
     grown = np.maximum.accumulate(np.nan_to_num(apart, nan=np.inf), axis=-2)
     steps = _tried(found)
     longer = steps / np.maximum(_tried(companion), 1.0)
-    if order:
-        growth = longer ** (EXPONENT * order)
-    else:
-        growth = np.full(longer.shape, (coarser(rtol, 1.0, None, order)[0] / rtol) ** EXPONENT)
-    gain = SAFETY / np.maximum(growth - 1.0, 0.5)
+    looser = coarser(rtol, 1.0, None, order)[0] / rtol
+    own = longer ** (EXPONENT * order) if order else np.full(longer.shape, looser**EXPONENT)
+    # few steps may be much longer than the errors tell
+    growth = own if equal else np.minimum(own, looser)
+    gain = (OF_EQUAL_STEPS if equal else SAFETY) / np.maximum(growth - 1.0, 0.5)
     size = np.maximum.accumulate(np.abs(found.x), axis=-2)
     every = np.repeat(gain * grown, 2, axis=-2)[..., -count:, :]
     rounding = np.finfo(found.x.dtype).eps * np.sqrt(steps)  # adds up at random

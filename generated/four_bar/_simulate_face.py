@@ -56,7 +56,8 @@ def run(facts: Facts, backend: Backend, request: Request) -> Simulation:
         return found
     method = facts.methods[facts.integrators.index(found.integrator)]
     companion = _companion(facts, backend, request, found, method)
-    apart = estimate(found, companion, method.order, request.rtol)
+    equal = request.step_size is not None
+    apart = estimate(found, companion, method.order, request.rtol, equal)
     if facts.frame:
         apart[..., facts.nq :] = np.nan  # w is along directions of each motion's own
     return replace(found, error=apart)

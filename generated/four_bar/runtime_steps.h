@@ -30,7 +30,8 @@ typedef struct {
     /* row n with slopes k of several motions side by side, into z */
     void (*sums)(int n, const double *k, const double *h, const double *y, double *z);
     int late; /* the last slope counts in no error, and the one before is at the end, too: it can wait for the projection */
-    int inside[2]; /* stages inside of the step, for a polynomial without further ones: its powers by y, z and the slopes at both ends and there */
+    int inside[2]; /* stages inside of the step, for a polynomial without further ones: its powers by y, z and the slopes at both ends and there,
+                      and its values after one and two thirds */
     const double *rough;
 #endif
 } Tableau;

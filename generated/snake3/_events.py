@@ -85,9 +85,9 @@ class Buffers:
         self.watch = watch
         room = max(ROOM * 4, 2 * EIGHTHS * len(watch.names) * 4)
         self.sign = np.zeros((count, len(watch.names)), "i")
-        self.t = np.zeros((count, room), watch.real)
-        self.x = np.zeros((count, room, watch.width), watch.real)
-        self.which = np.zeros((count, room), "i")
+        self.t = np.empty((count, room), watch.real)
+        self.x = np.empty((count, room, watch.width), watch.real)
+        self.which = np.empty((count, room), "i")
         self.structures = np.zeros(count, EVENTS)
         self.structures["count"], self.structures["room"] = len(watch.functions), room
         self.structures["call"] = watch.callback.address if watch.callback else 0
@@ -134,12 +134,15 @@ class Log:
     def take_many(self, buffers: Buffers, places: np.ndarray, rows: np.ndarray) -> None:
         """The events of motions whose room did not end, all at once."""
         counts = buffers.structures["n"][places].astype(int)
-        here, which = np.nonzero(np.arange(buffers.t.shape[1]) < counts[:, np.newaxis])
+        met = counts > 0
+        places, rows, counts = places[met], rows[met], counts[met]
+        if not rows.size:
+            return
+        here, which = np.nonzero(np.arange(counts.max()) < counts[:, np.newaxis])
         arrays = (buffers.t, buffers.x, buffers.which)
-        if here.size:
-            self.parts.append((*(each[places[here], which] for each in arrays), rows[here]))
+        self.parts.append((*(each[places[here], which] for each in arrays), rows[here]))
         buffers.structures["n"][places] = 0
-        for row, count in zip(rows[counts > 0].tolist(), counts[counts > 0].tolist()):
+        for row, count in zip(rows.tolist(), counts.tolist()):
             self.counts[row] = self.counts.get(row, 0) + count
 
     def emptied(self, buffers: Buffers, place: int, row: int, status: int) -> Status:

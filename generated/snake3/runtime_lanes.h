@@ -322,6 +322,15 @@ static inline double ahead(const Motion *m)
 #endif
 }
 
+/* Signs of the functions of events as the motion has them. */
+static void enter_signs(Lanes *w, int lane)
+{
+    const Events *const e = w->motion[lane].s.events;
+    int k;
+    for (k = 0; e && k < count_of(e); k++)
+        w->signs[k * LANES + lane] = e->sign[k];
+}
+
 /* Into the lane from its motion, and back. */
 static void enter_lane(const Motions *all, Lanes *w, int lane)
 {
@@ -341,6 +350,7 @@ static void enter_lane(const Motions *all, Lanes *w, int lane)
     w->position_violation[lane] = s->position_violation;
     w->velocity_violation[lane] = s->velocity_violation;
     w->last[lane] = log2(fabs(s->error));
+    enter_signs(w, lane);
 #if HAS_LANES_TAYLOR
     w->owed[lane] = s->expanded ? 0 : UINT64_MAX;
     w->made[lane] = 0;
@@ -965,20 +975,12 @@ static inline void lanes_dense(const Motions *all, const Method *method, Lanes *
     }
 }
 
-/* All functions of events at place j of the step; lanes without a value become bad. */
-static inline void lanes_values(const Motions *all, Lanes *w, int j)
+/* All functions of events at a place of the step where the states are z, as values j; lanes without a value become bad. */
+static inline void lanes_events(const Motions *all, Lanes *w, double place, double *z, int j)
 {
-    const double sigma = 2.0 * eighth(j) - 1.0;
     const int own = EVENTS;
-    double *const z = j < EIGHTHS ? w->e : w->z;
     int i, k, lane;
-    for (i = 0; i < NX && j < EIGHTHS; i++) {
-        Vector sum = vector(w->a[w->degree] + i * LANES);
-        for (k = w->degree - 1; k >= 0; k--)
-            sum = sum * sigma + vector(w->a[k] + i * LANES);
-        store(w->e + i * LANES, sum);
-    }
-    store(w->at, vector(w->t) + eighth(j) * vector(w->h));
+    store(w->at, vector(w->t) + place * vector(w->h));
 #if HAS_INPUTS
     if (w->tables)
         feed_lanes(w, w->at, z);
@@ -1001,6 +1003,20 @@ static inline void lanes_values(const Motions *all, Lanes *w, int j)
     }
 }
 
+/* The same for place j of the step on its continuous output. */
+static inline void lanes_values(const Motions *all, Lanes *w, int j)
+{
+    const double sigma = 2.0 * eighth(j) - 1.0;
+    int i, k;
+    for (i = 0; i < NX && j < EIGHTHS; i++) {
+        Vector sum = vector(w->a[w->degree] + i * LANES);
+        for (k = w->degree - 1; k >= 0; k--)
+            sum = sum * sigma + vector(w->a[k] + i * LANES);
+        store(w->e + i * LANES, sum);
+    }
+    lanes_events(all, w, eighth(j), j < EIGHTHS ? w->e : w->z, j);
+}
+
 #if EXPLICIT_STAGES
 /* A continuous output from what the step has made anyway: the polynomial of degree 5 through both ends and two slopes inside. */
 static inline void lanes_roughly(const Tableau *m, Lanes *w)
@@ -1016,6 +1032,38 @@ static inline void lanes_roughly(const Tableau *m, Lanes *w)
             store(w->a[n] + i, (a[0] * y + a[1] * z) + (a[2] * own + a[3] * next) + (a[4] * first + a[5] * third));
         }
     }
+}
+
+/* In which lanes is some function not far from zero, as four values in a step tell? A function that they show within a factor of two, and
+   straight or bent one way, keeps away from zero in between. What the cubic through both ends is off by is counted in as below. */
+static inline Bits lanes_near(const Motions *all, const Tableau *m, Lanes *w)
+{
+    const int count = EVENTS + all->events->count;
+    const double *const third = m->rough + 36, *const two = m->rough + 42, place = 1.0 / 3.0;
+    const Vector h = vector(w->h);
+    Bits seen = bits(w->good) ^ bits(w->good);
+    int i, k;
+    for (i = 0; i < NX * LANES; i += LANES) {
+        const Vector y = vector(w->y + i), z = vector(w->z + i), own = h * vector(w->own + i), next = h * vector(w->next + i);
+        const Vector a = h * vector(w->k[m->inside[0]] + i), b = h * vector(w->k[m->inside[1]] + i);
+        store(w->e + i, (20.0 / 27.0 * y + 7.0 / 27.0 * z) + (4.0 / 27.0 * own - 2.0 / 27.0 * next));
+        store(w->a[0] + i, (third[0] * y + third[1] * z) + (third[2] * own + third[3] * next) + (third[4] * a + third[5] * b));
+        store(w->a[1] + i, (two[0] * y + two[1] * z) + (two[2] * own + two[3] * next) + (two[4] * a + two[5] * b));
+    }
+    lanes_events(all, w, place, w->e, 4);
+    lanes_events(all, w, 0.0, w->y, 0);
+    lanes_events(all, w, place, w->a[0], 1);
+    lanes_events(all, w, 2.0 * place, w->a[1], 2);
+    lanes_events(all, w, 1.0, w->z, 3);
+    for (k = 0; k < count; k++) {
+        const Vector sign = vector(w->signs + k * LANES);
+        const Vector a = sign * vector(w->values[0] + k * LANES), b = sign * vector(w->values[1] + k * LANES);
+        const Vector c = sign * vector(w->values[2] + k * LANES), d = sign * vector(w->values[3] + k * LANES);
+        const Vector least = either((Bits)(a < b), a, b), most = larger(a, b), less = either((Bits)(c < d), c, d), more = larger(c, d);
+        const Vector turned = size_of(d - a - 3.0 * (c - b)), wrong = 5.0 * size_of(b - sign * vector(w->values[4] + k * LANES));
+        seen |= ~(Bits)(either((Bits)(least < less), least, less) > 0.5 * larger(most, more) + turned + 3.0 * wrong);
+    }
+    return seen & bits(w->good);
 }
 
 /* In which lanes may something happen in the step? Values on that polynomial say in none where they stay away from zero by more than what the
@@ -1056,11 +1104,12 @@ static inline void lanes_watched(const Motions *all, const Method *method, Lanes
     const Vector one = (Vector){0.0} + 1.0;
     Vector bad;
     Bits suspect = bits(w->good);
-    int j, k, lane;
-    for (lane = 0; lane < LANES; lane++)
-        for (k = 0; k < count; k++)
-            w->signs[k * LANES + lane] = w->busy[lane] ? (double)w->motion[lane].s.events->sign[k] : 1.0;
+    int j, k;
 #if EXPLICIT_STAGES
+    if (!method->prepare && ((const Tableau *)method->coefficients)->rough && !all->events->count)
+        suspect = lanes_near(all, (const Tableau *)method->coefficients, w);
+    if (!any(suspect))
+        return;
     if (!method->prepare && ((const Tableau *)method->coefficients)->rough && !all->events->count)
         suspect = lanes_suspect(all, (const Tableau *)method->coefficients, w);
     if (!any(suspect))
@@ -1290,7 +1339,9 @@ static void lanes_begin(const Motions *all, const Method *method, Lanes *w, int 
     if (status != OK) {
         finish(all, w->row[lane], m, told(&m->run, status));
         refill(all, method, w, lane, queue);
-    } else if (!good)
+    } else if (good)
+        enter_signs(w, lane);
+    else
         enter_lane(all, w, lane);
 }
 

@@ -58,7 +58,8 @@ def _table(
 ) -> Table:
     rows: list[dict[int, np.ndarray]] = [{} for _ in range(n)]
     numbers = [set[int]() for _ in range(n)]
-    for i, j, values, number in zip(*(x.tolist() for x in places), samples.T, constant):
+    down, across = (list(map(int, x)) for x in places)
+    for i, j, values, number in zip(down, across, samples.T, constant):
         rows[i][j] = values
         if number:
             numbers[i].add(j)

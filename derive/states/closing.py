@@ -81,7 +81,7 @@ class Kinematics:
         """`closing` without zeros."""
         phi, J = self._closing.call([t.reshape(1, -1), q.T, p.T])
         pattern = self._closing.sparsity_out(1)
-        return phi.full().T, Sparse(pattern, _entries(J, pattern, len(t)))
+        return phi.full().T[: len(t)], Sparse(pattern, _entries(J, pattern, len(t)))
 
     def velocity_rows(
         self, t: np.ndarray, q: np.ndarray, p: np.ndarray
@@ -89,7 +89,7 @@ class Kinematics:
         """`rows` without zeros."""
         A, c, _ = self._velocities.call([t.reshape(1, -1), q.T, p.T])
         pattern = self._velocities.sparsity_out(0)
-        return Sparse(pattern, _entries(A, pattern, len(t))), c.full().T
+        return Sparse(pattern, _entries(A, pattern, len(t))), c.full().T[: len(t)]
 
     def rates(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray | None:
         """N at k states; None where it is one everywhere."""
@@ -164,6 +164,8 @@ def _unpacked(found: ca.DM, pattern: ca.Sparsity, k: int) -> np.ndarray:
 
 def _entries(found: ca.DM, pattern: ca.Sparsity, k: int) -> np.ndarray:
     """The entries of k matrices of one pattern that stand side by side, (k, number of entries)."""
+    if not k:
+        return np.zeros((0, pattern.nnz()))
     return np.array(found.nonzeros(), dtype=float).reshape(k, pattern.nnz())
 
 

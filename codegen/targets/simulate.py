@@ -565,11 +565,11 @@ def _rough(first: Fraction, third: Fraction) -> list[list[Fraction]]:
     unit = [[scales[i] if i == k else Fraction(0) for k in range(6)] for i in range(6)]
     powers = _solved([row + right for row, right in zip(rows, unit)])
     thirds = [Fraction(-1, 3), Fraction(1, 3)]
-    columns = [*zip(*powers)]
-    values = [
-        [sum(a * sigma**n for n, a in enumerate(each)) for each in columns] for sigma in thirds
-    ]
-    return [*powers, *values]
+    return [*powers, *([_polynomial(each, sigma) for each in zip(*powers)] for sigma in thirds)]
+
+
+def _polynomial(coefficients: Sequence[Fraction], sigma: Fraction) -> Fraction:
+    return sum((a * sigma**n for n, a in enumerate(coefficients)), Fraction(0))
 
 
 def _solved(rows: list[list[Fraction]]) -> list[list[Fraction]]:

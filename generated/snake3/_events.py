@@ -138,7 +138,7 @@ class Log:
         places, rows, counts = places[met], rows[met], counts[met]
         if not rows.size:
             return
-        here, which = np.nonzero(np.arange(counts.max()) < counts[:, np.newaxis])
+        here, which = np.nonzero(np.arange(int(counts.max())) < counts[:, np.newaxis])
         arrays = (buffers.t, buffers.x, buffers.which)
         self.parts.append((*(each[places[here], which] for each in arrays), rows[here]))
         buffers.structures["n"][places] = 0

@@ -11,7 +11,7 @@ FEWEST = 2  # states it looks at in any case
 MANY = 2000  # bodies, over all states
 # and generalized velocities of closed mechanisms, each squared, for their equations are solved
 # densely
-DENSE = 30_000
+DENSE = 150_000
 
 # scratch
 YOUNG = 60.0  # s: so long after it was made a folder of a living process may not be locked yet

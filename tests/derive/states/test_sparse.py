@@ -1,7 +1,7 @@
 """Rows of many loops without their zeros: the same states and the same initial state as with all
 entries, in memory that grows as the loops do.
 
-Of derive.states: sparse, views, sampling, closing, initial, axes; of derive.choices: survey.
+Of derive.states: sparse, views, sampling, closing, initial, axes.
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ def seen(case: str) -> Evidence:
     names = [f"{family.name}_{frame}" for family in found.families]
     names += ["pose_ground", "jacobian_ground", *OVER_W, "outputs_jacobian"]
     asked = [request_of(found, name) for name in names]
-    functions = tuple(request.function for request in asked if request is not None)
+    functions = tuple(request.function for request in asked if request and request.refusal is None)
     full = replace(found, functions=(*found.functions, *functions))
     return evidence(reference(model), full, None, FEW)
 

@@ -293,12 +293,14 @@ def _sizes(J: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 def _largest(x: np.ndarray) -> np.ndarray:
     """Magnitude of each motion."""
-    return np.max(np.abs(x), axis=0, initial=0.0)
+    magnitude: np.ndarray = np.abs(x).max(axis=0, initial=0.0)
+    return magnitude
 
 
 def _finite(x: np.ndarray) -> np.ndarray:
     """Whether all of a motion is."""
-    return np.all(np.isfinite(x).reshape(-1, x.shape[-1]), axis=0)
+    finite: np.ndarray = np.isfinite(x).reshape(-1, x.shape[-1]).all(axis=0)
+    return finite
 
 
 def _sum(rows: Iterable[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
@@ -349,7 +351,7 @@ def _by_squares(A: np.ndarray, b: np.ndarray, within: float) -> tuple[np.ndarray
     if within <= SOLVED:
         x += _applied_transpose(unit, _solution(factors, side - _applied(unit, x)))
     off = _largest(side - _applied(unit, x))
-    least = np.min([factors[i, i] for i in range(m)], axis=0)
+    least = factors.diagonal().min(axis=1)
     # pivots are those of the squares: the condition is that of A, squared
     return x, (least > LEAST) & (off <= within * (_largest(side) + _largest(x)))
 

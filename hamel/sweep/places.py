@@ -109,19 +109,33 @@ def _replace(place: Path, content: bytes) -> None:
     """A file that is there as a whole or not at all, also after a power cut."""
     draft = place.with_name(f".{place.name}.{os.getpid()}")
     try:
+        # Each call to the system gives the interpreter to another thread, and waits to get it back:
+        # a file object would make four more of them.
+        file = _new(draft)
         try:
-            file = draft.open("wb")
-        except FileNotFoundError:
-            place.parent.mkdir(parents=True, exist_ok=True)
-            file = draft.open("wb")
-        with file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        draft.replace(place)
+            _put(file, content)
+            os.fsync(file)
+        finally:
+            os.close(file)
+        os.replace(draft, place)
     except BaseException:
         draft.unlink(missing_ok=True)
         raise
+
+
+def _new(draft: Path) -> int:
+    how = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0)
+    try:
+        return os.open(draft, how, 0o666)
+    except FileNotFoundError:
+        draft.parent.mkdir(parents=True, exist_ok=True)
+        return os.open(draft, how, 0o666)
+
+
+def _put(file: int, content: bytes) -> None:
+    left = memoryview(content)
+    while left:
+        left = left[os.write(file, left) :]
 
 
 # ---- elsewhere

@@ -299,8 +299,7 @@ def _largest(x: np.ndarray) -> np.ndarray:
 
 def _finite(x: np.ndarray) -> np.ndarray:
     """Whether all of a motion is."""
-    finite: np.ndarray = np.isfinite(x).reshape(-1, x.shape[-1]).all(axis=0)
-    return finite
+    return np.all(np.isfinite(x).reshape(-1, x.shape[-1]), axis=0)
 
 
 def _sum(rows: Iterable[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:

@@ -69,6 +69,7 @@ def chart(
 
 def side_by_side(charts: Sequence[str], columns: int = 2) -> str:
     """Charts in one document, row after row; a row is as high as its highest."""
+    columns = min(columns, len(charts))
     rows = [charts[i : i + columns] for i in range(0, len(charts), columns)]
     parts, top = [], 0
     for row in rows:

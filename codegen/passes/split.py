@@ -11,6 +11,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 from codegen.passes.repeats import Leaf, Stretch, stages, with_leaves
@@ -40,7 +41,7 @@ class Column:
 
     places: tuple[int, ...]
 
-    @property
+    @cached_property
     def step(self) -> int | None:
         """Between neighbours, where it is the same for all."""
         steps = {b - a for a, b in pairwise(self.places)}
@@ -255,25 +256,29 @@ def _repeated(stretch: Stretch, inputs: Mapping[str, str]) -> Part:
     first, leaves = stretch.blocks[0], stretch.leaves
     own = {s.name for s in first}
     repeat = Repeat(len(stretch.blocks), tuple(tuple(s.name for s in x) for x in stretch.blocks))
+    columns = [tuple(map(_leaf_key, column)) for column in zip(*leaves)]
     known: dict[tuple[str, ...], Leaf] = {}
     numbers: dict[str, int] = {}
-    for column in zip(*leaves):
-        leaf, key = column[0], tuple(x if isinstance(x, str) else float(x).hex() for x in column)
-        if key in known:
+    for leaf, column in zip(leaves[0], columns):
+        if column in known:
             continue
         if isinstance(leaf, str) and leaf not in own:
             leaf = leaf if leaf not in repeat.reads else f"{leaf}_{len(known)}_"
-            repeat.reads[leaf] = key
-        elif not isinstance(leaf, str) and len(set(key)) > 1:
+            repeat.reads[leaf] = column
+        elif not isinstance(leaf, str) and len(set(column)) > 1:
             leaf = f"number{len(known)}_"
             repeat.constants = (*repeat.constants, leaf)
-            _vary(repeat, leaf, [numbers.setdefault(x, len(numbers)) for x in key])
-        known[key] = leaf
-    named = [known[tuple(x if isinstance(x, str) else float(x).hex() for x in column)] for column in zip(*leaves)]
+            _vary(repeat, leaf, [numbers.setdefault(x, len(numbers)) for x in column])
+        known[column] = leaf
     repeat.numbers = tuple(map(float.fromhex, numbers))
-    rest = iter(named)
+    rest = iter([known[column] for column in columns])
     statements = tuple(Statement(s.name, with_leaves(s.value, rest)) for s in first)
     return Part(sections=(Section(stretch.title, statements),), repeat=repeat)
+
+
+def _leaf_key(leaf: Leaf) -> str:
+    """A name, or a number with its sign and all its digits."""
+    return leaf if isinstance(leaf, str) else float(leaf).hex()
 
 
 def _cut(sections: Sequence[Section], count: int) -> list[tuple[Section, ...]]:
@@ -329,9 +334,7 @@ def _share_slots(
     free = _Free(first)
     for k, part in enumerate(parts):
         blocks = part.repeat.makes if part.repeat else (tuple(part.makes),)
-        columns = {
-            names[0]: names for names in zip(*blocks) if any(name in last for name in names)
-        }
+        columns = {names[0]: names for names in zip(*blocks) if any(name in last for name in names)}
         for names in columns.values():
             slots.update(zip(names, free.taken(len(names))))
         part.kept = [(name, slots[name]) for name in columns]

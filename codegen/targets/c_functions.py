@@ -179,8 +179,7 @@ def body_of(program: Program, kernel: Kernel, style: Style) -> Body:
     many = len(parts.parts) > 1 or kernel.size >= MANY
     lines = _near if many and style is ALONE else _far
     pieces = tuple(
-        _piece(program, kernel, part, style, _far if part.repeat else lines)
-        for part in parts.parts
+        _piece(program, kernel, part, style, _far if part.repeat else lines) for part in parts.parts
     )
     if given:
         ready = _ready(parts.parts, given)

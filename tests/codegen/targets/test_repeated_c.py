@@ -24,7 +24,7 @@ from derive.states.sampling import states
 from hamel.build.module import module_in, published
 from tests.loops import four_bars
 
-N = 50
+N = 60
 NAMES = ("dynamics", "constraints", "energy", "velocity", "state")
 
 

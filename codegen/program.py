@@ -299,6 +299,15 @@ class Rolled:
 
 
 @dataclass(frozen=True)
+class Repeats:
+    """Statements that come again and again are written once, where so many are left in bodies and
+    between them; `numbers` of workspace."""
+
+    statements: int
+    numbers: int
+
+
+@dataclass(frozen=True)
 class Kernel:
     """One generated function. `outputs` are the entries of the result, row-major; `shape` is (n,)
     or (r, c)."""
@@ -329,6 +338,7 @@ class Kernel:
     solving: Solving | None = field(default=None, repr=False)
     # loops in the place of `outputs`, of which there are none; sections compute what tables need
     rolled: Rolled | None = field(default=None, repr=False)
+    repeats: Repeats | None = field(default=None, repr=False)
 
     @property
     def size(self) -> int:

@@ -83,7 +83,8 @@ def check(model: str) -> Any:
     type=click.Choice(("auto", "never", "always")),
     default="auto",
     show_default=True,
-    help="dynamics of a tree as a loop over its links (auto: from 40 links on).",
+    help="Functions of a tree as loops over its links, and what comes again and again in others "
+    "written once (auto: from 40 links, or 1,500 statements, on).",
 )
 @click.option(
     "--header",

@@ -36,6 +36,7 @@ def is_batched(kernel: Kernel) -> bool:
 def most_lanes(program: Program) -> int:
     """As many lanes as have room on the stack, a power of two; 16 where there is room for all."""
     rolled = [k for k in program.kernels if k.rolled and (is_batched(k) or k.name in STEPPED)]
+    rolled += [k for k in program.kernels if k.repeats and is_batched(k)]
     numbers = max((_numbers(kernel) for kernel in rolled), default=1)
     lanes = 16
     while lanes * numbers > MOST_ROLLED:
@@ -46,6 +47,7 @@ def most_lanes(program: Program) -> int:
 def _numbers(kernel: Kernel) -> int:
     """What a lane of a loop over links takes: workspace, result and arguments."""
     workspace = kernel.rolled.workspace if kernel.rolled else 0
+    workspace += kernel.repeats.numbers if kernel.repeats else 0
     return workspace + kernel.size + len(kernel.watched)
 
 
@@ -116,6 +118,10 @@ def _is_straight(kernel: Kernel) -> bool:
     values = [s.value for section in kernel.sections for s in section.statements]
     values += [*kernel.outputs, *(guard.value for guard in kernel.guards)]
     size = len(kernel.x.names) + len(values)
+    if kernel.repeats:
+        size = kernel.repeats.statements
+        if FEWEST * _numbers(kernel) > MOST_ROLLED:
+            return False
     most = LONGEST if kernel.name in BATCHED[1:] else WIDEST
     return size <= most and all(is_plain(value, PLAIN) for value in values)
 

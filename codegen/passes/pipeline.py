@@ -31,7 +31,7 @@ from codegen.passes.selection import (
     usual_enforcements,
     watched_functions,
 )
-from codegen.passes.split import is_long
+from codegen.passes.split import is_long, split
 from codegen.passes.steppers import with_steppers
 from codegen.passes.taylor import SERIES, check_series, series_refusal
 from codegen.passes.trace import Tape, record
@@ -50,11 +50,16 @@ from codegen.program import (
     Pattern,
     Pivot,
     Program,
+    Repeats,
     Solving,
 )
 from derive.formulations import records
 from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
+
+# Statements from which those that come again are written once, where they are so large a part of
+# them. Up to there lanes exist of straight code, too, which takes a tenth less time for one state.
+MANY, WORTH = 1_500, 0.5
 
 
 def program(
@@ -264,13 +269,31 @@ def _straight_or_rolled(
     links = len(equations.system.links)
     refused = refusal(function, roll, links)
     if refused is not None:
-        return *_kernel(equations, function, turning), f"unrolled: {refused}" if refused else ""
+        kernel, entries = _kernel(equations, function, turning)
+        kernel, how = (kernel, "") if roll == NEVER else _repeating(kernel)
+        return kernel, entries, how or (f"unrolled: {refused}" if refused else "")
     loops, entries = _rolled(equations, function, turning)
     if roll == AUTO and links < FROM:
         straight, its_entries = _kernel(equations, function, turning)
         if loops.operations["total"] > straight.operations["total"]:
             return straight, its_entries, ""
     return loops, entries, _how(loops)
+
+
+def _repeating(kernel: Kernel) -> tuple[Kernel, str]:
+    """A long function whose statements come again and again as one body for each kind of them, and
+    how much of it that is."""
+    total = sum(len(section.statements) for section in kernel.sections)
+    if kernel.solving or total < MANY:
+        return kernel, ""
+    parts = split(replace(kernel, repeats=Repeats(0, 0)))
+    bodies = [len(part.repeat.makes[0]) for part in parts.parts if part.repeat]
+    many = sum(len(p.repeat.makes) * len(p.repeat.makes[0]) for p in parts.parts if p.repeat)
+    if many < WORTH * total:
+        return kernel, ""
+    repeats = Repeats(total - many + sum(bodies), parts.size)
+    how = f"rolled: {many} of {total} statements are repetitions of {sum(bodies)}"
+    return replace(kernel, repeats=repeats), how
 
 
 def _rolled(

@@ -3,7 +3,8 @@ used once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from codegen.passes.graph import Mark
@@ -11,6 +12,8 @@ from codegen.passes.lower import Code, Lowered, Operand, Operation
 from codegen.program import Expression, Load, Section, Statement
 
 TURNS = "angles: their sines and cosines, all together"
+SUMMANDS = 32  # from which the terms of a sum stand before it, one after the other
+_ADDED = ("add", "sub")
 _NESTED = 11  # names, numbers and operators that one nested expression may hold
 
 
@@ -36,12 +39,13 @@ def schedule(
     wanted = set(lowered.wanted)
     groups: list[tuple[str, list[int]]] = []
     done = {i for i in wanted if lowered.code.operations[i].name == "input"}
+    sums = _long_sums(lowered.code, lowered.wanted, roots)
     for heading, starts in [
         (TURNS, _turns(lowered.code, wanted)),
         *_headings(lowered, marks, wanted),
         (title, roots),
     ]:
-        group = _depth_first(lowered.code, starts, done)
+        group = _depth_first(lowered.code, starts, done, sums)
         if group:
             groups.append((heading, group))
     names = _names(lowered, marks, wanted)
@@ -72,9 +76,41 @@ def _headings(
     return headings
 
 
-def _depth_first(code: Code, starts: Sequence[int], done: set[int]) -> list[int]:
+def _long_sums(
+    code: Code, wanted: Sequence[int], roots: Sequence[int]
+) -> dict[int, tuple[int, ...]]:
+    """Sums of very many terms, and these as they were made: what belongs to one of many equal links
+    or loops looks like the next then, whatever way they are added up."""
+    operations = code.operations
+    uses: Counter[int] = Counter(roots)
+    for i in wanted:
+        uses.update(code.inner[i])
+    added = [i for i in wanted if operations[i].name in _ADDED]
+    inside = {
+        o for i in added for o in code.inner[i] if uses[o] == 1 and operations[o].name in _ADDED
+    }
+    found = {i: sorted(_terms(code, i, inside)) for i in added if i not in inside}
+    return {i: tuple(terms) for i, terms in found.items() if len(terms) >= SUMMANDS}
+
+
+def _terms(code: Code, i: int, inside: set[int]) -> Iterator[int]:
+    stack = [*code.inner[i]]
+    while stack:
+        operand = stack.pop()
+        if operand in inside:
+            stack += code.inner[operand]
+        else:
+            yield operand
+
+
+def _depth_first(
+    code: Code,
+    starts: Sequence[int],
+    done: set[int],
+    sums: Mapping[int, tuple[int, ...]],
+) -> list[int]:
     """What the starts need and `done` does not hold, operands first: values are used soon after
-    they are made."""
+    they are made. The terms of a long sum come before any of it is added up."""
     order: list[int] = []
     for start in starts:
         stack = [(start, False)]
@@ -87,7 +123,7 @@ def _depth_first(code: Code, starts: Sequence[int], done: set[int]) -> list[int]
                 order.append(i)
             else:
                 stack.append((i, True))
-                inner = reversed(code.inner[i])
+                inner = (*reversed(code.inner[i]), *reversed(sums.get(i, ())))
                 stack += [(operand, False) for operand in inner if operand not in done]
     return order
 

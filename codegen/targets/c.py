@@ -121,6 +121,7 @@ def files(program: Program) -> dict[str, str]:
                     looked=_looked(program),
                     plain=_plain(program),
                     compared=_compared([*batches, *stepped]),
+                    repeated=any(x.again for body in (*batches, *stepped) for x in body.pieces),
                     **data,
                 ),
                 f"{program.name}_lanes.h": text.render(

@@ -14,7 +14,7 @@ from codegen.passes.lanes import (
     STEPPED,
 )
 from codegen.passes.schedule import TURNS
-from codegen.passes.split import Copy, Part, names, split
+from codegen.passes.split import Copy, Part, Repeat, names, split
 from codegen.program import (
     Expression,
     Kernel,
@@ -37,7 +37,21 @@ JOINED = 2_000
 # vectors of up to EIGHT columns that are solved for side by side: a multiplication and addition
 # takes as long as four of them, and any that is late is made up for by one more
 ABREAST, EIGHT = (12, 11, 10, 9, 8, 7, 6, 5, 4), 8
+SHORT = 32_768  # places below it are written as short numbers
 APART = 16  # places; results further from each other are looked at in two calls
+
+
+@dataclass(frozen=True)
+class Again:
+    """How often a piece is gone through, `rows` of the table of places, and its constants."""
+
+    count: int
+    width: int
+    kind: str
+    rows: tuple[str, ...]
+    numbers: tuple[str, ...]
+    begin: tuple[str, ...]  # lines before the first: what it takes of a block before
+    end: tuple[str, ...]  # and at the end of each: what it hands on
 
 
 @dataclass(frozen=True)
@@ -50,6 +64,7 @@ class Piece:
     guards: tuple[tuple[str, str, str], ...]  # value, tolerance, name
     unused: tuple[str, ...]
     ready: tuple[int, ...] = ()  # four results from here on are known after it, and leave the lanes
+    again: Again | None = None
 
 
 @dataclass(frozen=True)
@@ -163,7 +178,9 @@ def body_of(program: Program, kernel: Kernel, style: Style) -> Body:
         _leave_out(parts.parts, given)
     many = len(parts.parts) > 1 or kernel.size >= MANY
     lines = _near if many and style is ALONE else _far
-    pieces = tuple(_piece(program, kernel, part, style, lines) for part in parts.parts)
+    pieces = tuple(
+        _piece(program, kernel, part, style, _far if part.repeat else lines) for part in parts.parts
+    )
     if given:
         ready = _ready(parts.parts, given)
         pieces = tuple(replace(piece, ready=fours) for piece, fours in zip(pieces, ready))
@@ -225,7 +242,7 @@ def _leave_out(parts: Sequence[Part], given: Given) -> None:
 
 def _ready(parts: Sequence[Part], given: Given) -> list[tuple[int, ...]]:
     """Which four results are known after each part and were not before."""
-    home = {i: k for k, part in enumerate(parts) for i, _ in part.outputs}
+    home = {i: k for k, part in enumerate(parts) for i in part.places}
     last = {first: max(home[first + k] for k in range(FOUR)) for first in given.fours}
     return [tuple(i for i in given.fours if last[i] == k) for k in range(len(parts))]
 
@@ -250,7 +267,35 @@ def _piece(
             for g in part.guards
         ),
         unused=tuple(name for name in given if name not in uses),
+        again=_again(part, part.repeat, style) if part.repeat else None,
     )
+
+
+def _again(part: Part, repeat: Repeat, style: Style) -> Again:
+    slots = dict(part.taken)
+    carried = repeat.carried if style is ALONE else {}
+    places = [column.places for column in repeat.tables.values()]
+    return Again(
+        count=repeat.count,
+        width=len(places),
+        kind="short" if max(map(max, places), default=0) < SHORT else "int",
+        rows=tuple(", ".join(map(str, row)) for row in zip(*places)),
+        numbers=tuple(map(text.number, repeat.numbers)),
+        begin=tuple(f"double {name} = work[{slots[name]}];" for name in carried),
+        end=tuple(f"{name} = {maker};" for name, maker in carried.items()),
+    )
+
+
+def place_text(part: Part, key: str | int, place: int) -> str:
+    """A place of an array; of blocks that are alike that of block i_."""
+    column = part.repeat.columns.get(key) if part.repeat else None
+    if part.repeat is None or column is None:
+        return str(place)
+    step = column.step
+    if step is None:
+        return f"at_[{list(part.repeat.tables).index(key)}]"
+    times = "i_" if abs(step) == 1 else f"{abs(step)} * i_"
+    return f"({column.places[0]} {'+' if step > 0 else '-'} {times})"
 
 
 def value_text(value: Expression, style: Style) -> str:
@@ -264,9 +309,14 @@ def _far(program: Program, kernel: Kernel, part: Part, style: Style) -> Iterator
         yield from step.lines
     yield ""
     yield from (
-        output_line(kernel, i, style) for i, value in part.outputs if is_written(kernel, value)
+        output_line(kernel, i, style, place_text(part, i, i))
+        for i, value in part.outputs
+        if is_written(kernel, value)
     )
-    yield from (_store_line(name, slot, style) for name, slot in part.kept)
+    passed = part.repeat.passed if part.repeat and style is ALONE else ()
+    yield from (
+        _store_line(part, name, slot, style) for name, slot in part.kept if name not in passed
+    )
     yield from copied_lines(kernel, part.copies, style)
 
 
@@ -341,24 +391,29 @@ def load_lines(part: Part, style: Style) -> dict[str, str]:
     entries = {
         load.name: (load.argument, load.index) for load in part.loads if load.argument != "t"
     }
-    entries |= {name: ("work", slot) for name, slot in part.taken}
-    return {
-        name: f"const double {name} = {style.entry.format(*entry)};"
-        for name, entry in entries.items()
+    carried = part.repeat.carried if part.repeat and style is ALONE else ()
+    entries |= {name: ("work", slot) for name, slot in part.taken if name not in carried}
+    lines = {
+        name: f"const double {name} = {style.entry.format(array, place_text(part, name, place))};"
+        for name, (array, place) in entries.items()
     }
+    for name in part.repeat.constants if part.repeat else ():
+        lines[name] = f"const double {name} = numbers_[{place_text(part, name, 0)}];"
+    return lines
 
 
 def _stores(kernel: Kernel, part: Part, style: Style) -> dict[str, list[str]]:
     """The lines that store a local: into the workspace, as a result."""
-    lines = {name: [_store_line(name, slot, style)] for name, slot in part.kept}
+    lines = {name: [_store_line(part, name, slot, style)] for name, slot in part.kept}
     for i, value in part.outputs:
         if isinstance(value, str):
-            lines.setdefault(value, []).append(output_line(kernel, i, style))
+            line = output_line(kernel, i, style, place_text(part, i, i))
+            lines.setdefault(value, []).append(line)
     return lines
 
 
-def _store_line(name: str, slot: int, style: Style) -> str:
-    return f"{style.entry.format('work', slot)} = {name};"
+def _store_line(part: Part, name: str, slot: int, style: Style) -> str:
+    return f"{style.entry.format('work', place_text(part, name, slot))} = {name};"
 
 
 def steps_of(program: Program, part: Part, style: Style) -> Iterator[Step]:
@@ -444,13 +499,14 @@ ALONE = Style("{0}[{1}]", text.C, _by_fours)
 SIDE_BY_SIDE = Style("{0}[{1} * LANES + lane]", text.LANES, _by_lanes)
 
 
-def output_line(kernel: Kernel, i: int, style: Style) -> str:
+def output_line(kernel: Kernel, i: int, style: Style, where: str = "") -> str:
+    """`where` it stands, if that is not i itself."""
     if i >= kernel.size:  # what solving takes stands first in the workspace
         place = style.entry.format("work", i - kernel.size)
         return f"{place} = {value_text(kernel.computed[i], style)};"
     note = text.comment(_note(kernel, i))
     beside = _in_side(kernel, i)
-    place = style.entry.format(*(("out", i) if beside is None else ("side", beside)))
+    place = style.entry.format(*(("out", where or i) if beside is None else ("side", beside)))
     return f"{place} = {value_text(kernel.outputs[i], style)};" + (f" /* {note} */" if note else "")
 
 

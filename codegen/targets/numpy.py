@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -101,7 +101,7 @@ def _body(kernel: Kernel, language: text.Language) -> Body:
     if kernel.rolled:
         lines = _lines(Part(loads=kernel.loads, sections=kernel.sections), language)
         return Body(kernel, (), 0, python_text(kernel, kernel.rolled, language, tuple(lines)))
-    parts = split(kernel)
+    parts = split(replace(kernel, repeats=None))  # Python has no use for short code
     return Body(kernel, tuple(_piece(kernel, part, language) for part in parts.parts), parts.size)
 
 

@@ -10,7 +10,7 @@ few entries, the row with the fewest neighbours first (H. M. Markowitz, Manageme
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,8 +105,8 @@ def violation(s: State, found: Sequence[Tie]) -> Violation:
     return Violation(_joined(tie.rows.phi for tie in found), _joined(rates), _joined(parts))
 
 
-def _joined(parts: object) -> Array:
-    return np.concatenate([np.zeros(0), *parts])  # type: ignore[misc]
+def _joined(parts: Iterable[Array]) -> Array:
+    return np.concatenate([np.zeros(0), *parts])
 
 
 def accelerations(

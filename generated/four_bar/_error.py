@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 LONGER = 7.0 / 3.0  # steps of the companion
-SAFETY, OF_EQUAL_STEPS = 6.5, 12.0
+SAFETY, OF_EQUAL_STEPS = 5.5, 12.0
 EXPONENT = 0.9  # of what the order promises
 ALIKE = 1.2  # longer steps than this by a factor tell something
 LOOSEST = 1e-2  # a tolerance means little above

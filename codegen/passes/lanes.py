@@ -59,6 +59,8 @@ def side_by_side(program: Program) -> tuple[Kernel, ...]:
         return ()
     plain = all(map(_is_straight, kernels)) and is_batched(program.kernel(DYNAMICS))
     short = all(kernel.name == DYNAMICS or not is_long(kernel) for kernel in kernels)
+    # steps look through all sums of angles for shorter ones, which takes long of very many
+    short = short and not any(kernel.repeats for kernel in kernels)
     if not (plain and short):
         return ()
     watched = (k for k in program.kernels if k.name == WATCHED)

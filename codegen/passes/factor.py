@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
 
 from codegen.passes.graph import (
     ONE,
@@ -29,6 +30,7 @@ from codegen.passes.graph import (
 
 Factors = tuple[tuple[int, int], ...]  # (node, exponent), …
 Term = tuple[float, Factors]
+Factor = tuple[int, int]  # node, ±1: as a factor or as a divisor
 
 
 def factor(work: Work) -> Work:
@@ -209,40 +211,102 @@ def _angle(graph: Graph, node: int) -> int | None:
 def factored(graph: Graph, terms: Sequence[Term]) -> Reference:
     """The sum of the terms, the factor that saves most taken out first: a x + b x + c → (a + b) x +
     c, again inside and outside until nothing is saved (greedy, so not always the least)."""
-    while (best := _best_factor(terms)) is not None:
-        inside = [
-            (value, _without(factors, best)) for value, factors in terms if _holds(factors, best)
-        ]
-        outside = [term for term in terms if not _holds(term[1], best)]
-        taken = graph.product([(factored(graph, inside), 1), ((1.0, best[0]), best[1])])
-        terms = [*outside, _term(graph, taken)]
+    if _saves_something(terms):
+        terms = _with_factors_out(graph, terms)
     return graph.sum(_product(graph, term) for term in terms)
+
+
+def _with_factors_out(graph: Graph, terms: Sequence[Term]) -> Sequence[Term]:
+    by_factor = _ByFactor(terms)
+    while (best := by_factor.best()) is not None:
+        inside = [(value, _without(factors, best)) for value, factors in by_factor.taken(best)]
+        product = graph.product([(factored(graph, inside), 1), ((1.0, best[0]), best[1])])
+        by_factor.put(_term(graph, product))
+    return by_factor.terms
 
 
 def _product(graph: Graph, term: Term) -> Reference:
     return scaled(term[0], graph.product(((1.0, node), exponent) for node, exponent in term[1]))
 
 
-def _best_factor(terms: Sequence[Term]) -> tuple[int, int] | None:
-    """(node, ±1) whose extraction saves most multiplications or divisions; None where none saves
-    any."""
-    saved: dict[tuple[int, int], int] = {}
-    for value, factors in terms:
-        # of k terms with the factor k − 1 multiplications fall away; a term that is the bare factor
-        # saves none: a x + a → a (x + 1)
-        degree = sum(abs(exponent) for _, exponent in factors) - (abs(value) == 1.0)
-        for node, exponent in factors:
-            key = (node, 1 if exponent > 0 else -1)
-            saved[key] = saved.get(key, -1) + min(1, degree)
-    best = min(saved, key=lambda key: (-saved[key], key), default=None)
-    return best if best is not None and saved[best] > 0 else None
+def _saves(term: Term) -> int:
+    """Multiplications or divisions that fall away where a factor of it is taken out: none of a bare
+    factor, a x + a → a (x + 1)."""
+    value, factors = term
+    return min(1, sum(abs(exponent) for _, exponent in factors) - (abs(value) == 1.0))
 
 
-def _holds(factors: Factors, wanted: tuple[int, int]) -> bool:
-    return any(node == wanted[0] and exponent * wanted[1] > 0 for node, exponent in factors)
+def _factors(term: Term) -> list[Factor]:
+    return [(node, 1 if exponent > 0 else -1) for node, exponent in term[1]]
 
 
-def _without(factors: Factors, taken: tuple[int, int]) -> Factors:
+def _saves_something(terms: Sequence[Term]) -> bool:
+    """Whether a factor of two terms may be taken out."""
+    saved: set[Factor] = set()
+    for term in terms:
+        if not _saves(term):
+            continue
+        found = _factors(term)
+        if any(key in saved for key in found):
+            return True
+        saved.update(found)
+    return False
+
+
+class _ByFactor:
+    """The terms of a sum by their factors, so that a long one is not looked through again for each
+    factor that is taken out."""
+
+    def __init__(self, terms: Iterable[Term]) -> None:
+        self._terms: dict[int, Term] = {}  # by number, in order
+        self._holders: dict[Factor, dict[int, None]] = {}  # numbers of the terms, in order
+        self._saved: dict[Factor, int] = {}
+        self._queue: list[tuple[int, Factor]] = []  # most saved first, what has changed too
+        self._next = 0
+        for term in terms:
+            self.put(term)
+
+    @property
+    def terms(self) -> list[Term]:
+        """Those that are left, in the order in which they came."""
+        return list(self._terms.values())
+
+    def put(self, term: Term) -> None:
+        """One more."""
+        for key in _factors(term):
+            self._holders.setdefault(key, {})[self._next] = None
+            self._count(key, _saves(term))
+        self._terms[self._next] = term
+        self._next += 1
+
+    def taken(self, wanted: Factor) -> list[Term]:
+        """The terms with that factor, which are no longer among these."""
+        numbers = list(self._holders[wanted])
+        found = [self._terms.pop(number) for number in numbers]
+        for number, term in zip(numbers, found):
+            for key in _factors(term):
+                del self._holders[key][number]
+                self._count(key, -_saves(term))
+        return found
+
+    def _count(self, key: Factor, more: int) -> None:
+        if not more:
+            return
+        self._saved[key] = self._saved.get(key, 0) + more
+        heappush(self._queue, (-self._saved[key], key))
+
+    def best(self) -> Factor | None:
+        """The factor whose extraction saves most multiplications or divisions, k − 1 of k terms;
+        None where none saves any."""
+        while self._queue:
+            saved, key = self._queue[0]
+            if -saved == self._saved[key]:
+                return key if -saved > 1 else None
+            heappop(self._queue)  # as it was before
+        return None
+
+
+def _without(factors: Factors, taken: Factor) -> Factors:
     lowered = (
         (node, exponent - taken[1] if node == taken[0] else exponent) for node, exponent in factors
     )

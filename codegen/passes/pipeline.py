@@ -56,12 +56,14 @@ from codegen.program import (
 from derive.formulations import records
 from derive.formulations.functions import positions
 from derive.formulations.records import Equations, Function
+from derive.model.memory import without_collections
 
 # Statements from which those that come again are written once, where they are so large a part of
 # them. Up to there lanes exist of straight code, too, which takes a tenth less time for one state.
 MANY, WORTH = 1_500, 0.5
 
 
+@without_collections()
 def program(
     equations: Equations,
     functions: Sequence[str] | None = None,

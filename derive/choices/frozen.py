@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from derive.choices.elimination import Dependent, Undetermined
 from derive.choices.limits import RANK
 from derive.choices.resolution import Resolved, carried_out
 from derive.choices.survey import Survey
+from derive.choices.walk import Dependent, Undetermined
 from derive.diagnostics import AssumptionError
 from derive.mechanics.records import RowForm
 from derive.model.records import Choice

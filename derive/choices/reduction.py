@@ -10,9 +10,16 @@ from math import prod
 import casadi as ca
 import numpy as np
 
-from derive.choices.elimination import Elimination, Step, elimination, transformation
+from derive.choices.elimination import (
+    Beginning,
+    Elimination,
+    beginning,
+    elimination,
+    transformation,
+)
 from derive.choices.limits import SHORT, SINGULAR
 from derive.choices.records import Frame, Guard
+from derive.choices.walk import Step
 from derive.expressions.scalars import Matrix, Scalar
 from derive.joints.rotations import rotated as turned_vector
 from derive.joints.rotations import transpose
@@ -100,6 +107,12 @@ def by_elimination(task: Task, way: Way) -> Reduction:
         kept=task.kept,
         constant_pivots=all(step.block.grade < 2 for step in result.steps),
     )
+
+
+def first_rows(task: Task, way: Way, most: int) -> Beginning:
+    """The beginning of the same, up to the link where `most` rows are solved. Raises Dependent."""
+    w = symbols_for(task.names)
+    return beginning(way.tree, way.rows, way.speeds, w, task.sampled, task.sizes, most)
 
 
 def _of_the_system(

@@ -16,7 +16,7 @@ from math import comb
 import casadi as ca
 import numpy as np
 
-from derive.choices.elimination import Dependent, Undetermined
+from derive.choices.elimination import Beginning
 from derive.choices.explicit import Explicit, explicit
 from derive.choices.limits import (
     FEW,
@@ -25,12 +25,21 @@ from derive.choices.limits import (
     NAMED,
     REGULAR,
     SETTLED,
+    TELLING,
     TRIED,
     WORTHWHILE,
 )
 from derive.choices.orthonormal import orthonormal
-from derive.choices.reduction import Reduction, Task, Way, by_elimination, unreduced
+from derive.choices.reduction import (
+    Reduction,
+    Task,
+    Way,
+    by_elimination,
+    first_rows,
+    unreduced,
+)
 from derive.choices.survey import Survey, even_rows, evened, row_lengths, speed_name, ways_of
+from derive.choices.walk import Dependent, Undetermined
 from derive.diagnostics import NAMES, AssumptionError, listed
 from derive.expressions.counting import alternatives
 from derive.expressions.scalars import Scalar
@@ -250,18 +259,45 @@ def _least(survey: Survey, task: Task, rows: Sequence[RowForm]) -> tuple[Reducti
 def _shortest(task: Task, ways: Sequence[Way]) -> tuple[Way, Reduction]:
     """Of the ways of writing the rows that say as much as the first (of rows that repeat each
     other, others may be the ones to drop about other axes) the one with the safest pivots, then
-    the one that gives v and v̇ with the fewest operations, for what follows hardly differs."""
+    the one that gives v and v̇ with the fewest operations, for what follows hardly differs. Of very
+    many rows the first tell."""
+    if len(ways) > 1 and len(ways[0].rows) > TELLING:
+        return _carried_through(task, _by_their_first_rows(task, ways), 1)[0]
+    found = _carried_through(task, ways, len(ways))
+    counts = alternatives([ca.vertcat(x.v, x.sigma) for _, x in found])
+    return found[min(range(len(found)), key=lambda k: (_risk(found[k][1]), counts[k]))]
+
+
+def _carried_through(task: Task, ways: Sequence[Way], most: int) -> list[tuple[Way, Reduction]]:
+    """The first `most` ways that can be gone to the end. Raises what is in the way of the first
+    where there are none."""
     found: list[tuple[Way, Reduction]] = []
     refused: Dependent | Undetermined | None = None
     for way in ways:
+        if len(found) == most:
+            break
         try:
             found.append((way, by_elimination(task, way)))
         except (Dependent, Undetermined) as error:
             refused = refused or error
     if refused and not found:
         raise refused
-    counts = alternatives([ca.vertcat(x.v, x.sigma) for _, x in found])
-    return found[min(range(len(found)), key=lambda k: (_risk(found[k][1]), counts[k]))]
+    return found
+
+
+def _by_their_first_rows(task: Task, ways: Sequence[Way]) -> list[Way]:
+    """The ways that can be gone that far, in the order in which `_shortest` prefers them, judged by
+    their first TELLING rows; then the others."""
+    begun: dict[int, Beginning] = {}
+    for k, way in enumerate(ways):
+        try:
+            begun[k] = first_rows(task, way, TELLING)
+        except Dependent:
+            continue  # the whole of it will say why
+    counts = dict(zip(begun, alternatives([x.v for x in begun.values()])))
+    preferred = sorted(begun, key=lambda k: (begun[k].varying, counts[k]))
+    others = [k for k in range(len(ways)) if k not in begun]
+    return [ways[k] for k in (*preferred, *others)]
 
 
 def _risk(reduction: Reduction) -> tuple[bool, int]:

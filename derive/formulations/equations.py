@@ -15,11 +15,13 @@ from derive.formulations.manifold import manifold
 from derive.formulations.methods import FORMULATIONS
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
+from derive.model.memory import without_collections
 from derive.model.records import Choice
 from derive.numerics import refuses_numerically
 
 
 @refuses_numerically("the equations of motion")
+@without_collections()
 def equations(
     system: System,
     choice: str | None = None,

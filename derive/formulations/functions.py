@@ -338,7 +338,8 @@ def _turned(system: System, positions: list[int]) -> ca.SX:
     digit. 1 up to 1,000 rad."""
     angles = [system.q[i] for i, c in enumerate(system.model.coordinates) if c.unit == "rad"]
     closed = ca.vertcat(*[system.phi[k] for k in positions])
-    involved = [angle for angle in angles if ca.depends_on(closed, angle)]
+    symbols = {symbol.element_hash() for symbol in ca.symvar(closed)} if positions else set[int]()
+    involved = [angle for angle in angles if angle.element_hash() in symbols]
     return ca.fmax(1, PER_RADIAN * _largest(involved)) if involved else ca.SX(1)
 
 

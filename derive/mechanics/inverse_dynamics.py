@@ -191,19 +191,30 @@ def _points(links: Sequence[Link], stems: Sequence[Stem]) -> list[Vector]:
     where they are."""
     points = [list(link.b) for link in links]
     turning, resting = _turning(stems), [False] * len(links)
-    children = [[k for k, link in enumerate(links) if link.parent == i] for i in range(len(links))]
+    children = _children(links)
     for i, stem in enumerate(stems):
         steady = stem.parent < 0 or resting[stem.parent]
         if stem.turn is not None:
-            near = [i, *children[i]]
-            trials = [[*points[:i], p, *points[i + 1 :]] for p in _choices(links, stems, points, i)]
-            arms = [[_arm(links, stems, trial, k) for k in near] for trial in trials]
+            near, given = [i, *children[i]], points[i]
+            trials = _choices(links, stems, points, near)
+            arms: list[list[Vector]] = []
+            for points[i] in trials:
+                arms.append([_arm(links, stems, points, k) for k in near])
+            points[i] = given
             if all(isinstance(x, float) for found in arms for arm in found for x in arm):
                 costs = [_cost(turning, stems, near, found, steady) for found in arms]
-                points[i] = trials[costs.index(min(costs))][i]
+                points[i] = trials[costs.index(min(costs))]
         own = _arm(links, stems, points, i) if stem.parent >= 0 else NONE
         resting[i] = stem.turn is not None and steady and all(is_zero(x) for x in own)
     return points
+
+
+def _children(links: Sequence[Link]) -> list[list[int]]:
+    result: list[list[int]] = [[] for _ in links]
+    for k, link in enumerate(links):
+        if link.parent >= 0:
+            result[link.parent].append(k)
+    return result
 
 
 def _cost(
@@ -226,11 +237,13 @@ def _is_nothing(x: Vector) -> bool:
 
 
 def _choices(
-    links: Sequence[Link], stems: Sequence[Stem], points: Sequence[Vector], i: int
+    links: Sequence[Link], stems: Sequence[Stem], points: Sequence[Vector], near: Sequence[int]
 ) -> list[Vector]:
+    """Points of the axis of the first of `near`, the others being what it carries."""
+    i, *carried = near
     link, stem = links[i], stems[i]
     axis = _spun(inverse(stem.own), list(stem.motion[0][0]))
-    ways = [dot(axis, difference(c.a, link.b)) for c in links if c.parent == i]
+    ways = [dot(axis, difference(links[k].a, link.b)) for k in carried]
     if link.parent >= 0:
         start = _spun(stem.outer, list(stem.motion[0][0]))
         ways.append(minus(0.0, dot(start, _arm(links, stems, points, i))))

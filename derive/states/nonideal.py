@@ -22,6 +22,7 @@ from derive.mechanics.pivoting import pivot_order
 from derive.mechanics.records import Named, System
 from derive.mechanics.solve import ldl_solution, lu_solution, scalars
 from derive.mechanics.system import ideal_system
+from derive.model.memory import without_collections
 from derive.model.records import Model
 from derive.numerics import refuses_numerically
 from derive.states.axes import well_turned
@@ -32,6 +33,7 @@ from derive.states.sampling import no_states, row_lengths, states
 
 
 @refuses_numerically("the mechanics")
+@without_collections()
 def system(model: Model, constants: Collection[str] | str = ()) -> System:
     """The mechanics of a model, nonideal constraint forces included.
 

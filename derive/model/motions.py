@@ -140,17 +140,20 @@ def state_name(
     kinds: tuple[frozenset[str], ...] = tuple(
         frozenset({kind}) for kind in (COORDINATE, VELOCITY, *((INPUT, STATE) if inputs else ()))
     )
+
+    def known() -> list[str]:
+        return [name for name, symbol in scope.symbols.items() if symbol.kinds in kinds]
+
     try:
         node = expression(scalar.text)
-        known = [name for name, symbol in scope.symbols.items() if symbol.kinds in kinds]
         if not isinstance(node, tree.Name | tree.Rate):
             raise FormulaError(
-                f"'{key}' is not a coordinate or velocity", str(key), 0, listed(known)
+                f"'{key}' is not a coordinate or velocity", str(key), 0, listed(known())
             )
         if isinstance(node, tree.Rate):
             return f"der({scope.resolved(node, ROW, '', str(key)).name})"  # type: ignore[union-attr]
         name = f"der({scope.aliases[node.name]})" if node.name in scope.aliases else node.name
-        if name not in known:
+        if name not in scope.symbols or scope.symbols[name].kinds not in kinds:
             if name in scope.of_kind(STATE):
                 message = f"the initial value of the state '{key}'"
                 raise FormulaError(message, str(key), 0, "`initial:` of its entry under `states:`")
@@ -159,8 +162,8 @@ def state_name(
                 if name in scope.symbols
                 else f"unknown coordinate or velocity '{key}'"
             )
-            known += more
-            raise FormulaError(message, str(key), 0, listed(known), did_you_mean(name, known))
+            names = [*known(), *more]
+            raise FormulaError(message, str(key), 0, listed(names), did_you_mean(name, names))
     except FormulaError as error:
         reader.fault(scalar, error)
         return None

@@ -14,7 +14,8 @@ from codegen.passes.lanes import (
     STEPPED,
 )
 from codegen.passes.schedule import TURNS
-from codegen.passes.split import Copy, Part, Repeat, names, split
+from codegen.passes.split import Copy, Part, names, split
+from codegen.passes.tables import Repeat
 from codegen.program import (
     Expression,
     Kernel,

@@ -231,7 +231,7 @@ def names(value: Expression) -> Iterator[str]:
             yield from names(operand)
 
 
-def _ready(value: Expression, home: dict[str, int]) -> int:
+def _ready(value: Expression, home: Mapping[str, int]) -> int:
     """The first part after which everything in the expression is known."""
     return max((home.get(name, 0) for name in names(value)), default=0)
 

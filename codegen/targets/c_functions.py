@@ -4,7 +4,7 @@ side, in parts where they are long.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,7 +15,6 @@ from codegen.passes.lanes import (
 )
 from codegen.passes.schedule import TURNS
 from codegen.passes.split import Copy, Part, names, split
-from codegen.passes.tables import Repeat
 from codegen.program import (
     Expression,
     Kernel,
@@ -25,6 +24,7 @@ from codegen.program import (
     Solving,
     Statement,
 )
+from codegen.targets.repeated import Again, again, varying
 from codegen.targets.rolled import Text, c_text
 
 FEW = 24  # values that are added up one by one to see that all are finite
@@ -38,21 +38,7 @@ JOINED = 2_000
 # vectors of up to EIGHT columns that are solved for side by side: a multiplication and addition
 # takes as long as four of them, and any that is late is made up for by one more
 ABREAST, EIGHT = (12, 11, 10, 9, 8, 7, 6, 5, 4), 8
-SHORT = 32_768  # places below it are written as short numbers
 APART = 16  # places; results further from each other are looked at in two calls
-
-
-@dataclass(frozen=True)
-class Again:
-    """How often a piece is gone through, `rows` of the table of places, and its constants."""
-
-    count: int
-    width: int
-    kind: str
-    rows: tuple[str, ...]
-    numbers: tuple[str, ...]
-    begin: tuple[str, ...]  # lines before the first: what it takes of a block before
-    end: tuple[str, ...]  # and at the end of each: what it hands on
 
 
 @dataclass(frozen=True)
@@ -268,35 +254,13 @@ def _piece(
             for g in part.guards
         ),
         unused=tuple(name for name in given if name not in uses),
-        again=_again(part, part.repeat, style) if part.repeat else None,
+        again=again(part, part.repeat, _carried(part, style)) if part.repeat else None,
     )
 
 
-def _again(part: Part, repeat: Repeat, style: Style) -> Again:
-    slots = dict(part.taken)
-    carried = repeat.carried if style is ALONE else {}
-    places = [column.places for column in repeat.tables.values()]
-    return Again(
-        count=repeat.count,
-        width=len(places),
-        kind="short" if max(map(max, places), default=0) < SHORT else "int",
-        rows=tuple(", ".join(map(str, row)) for row in zip(*places)),
-        numbers=tuple(map(text.number, repeat.numbers)),
-        begin=tuple(f"double {name} = work[{slots[name]}];" for name in carried),
-        end=tuple(f"{name} = {maker};" for name, maker in carried.items()),
-    )
-
-
-def place_text(part: Part, key: str | int, place: int) -> str:
-    """A place of an array; of blocks that are alike that of block i_."""
-    column = part.repeat.columns.get(key) if part.repeat else None
-    if part.repeat is None or column is None:
-        return str(place)
-    step = column.step
-    if step is None:
-        return f"at_[{list(part.repeat.tables).index(key)}]"
-    times = "i_" if abs(step) == 1 else f"{abs(step)} * i_"
-    return f"({column.places[0]} {'+' if step > 0 else '-'} {times})"
+def _carried(part: Part, style: Style) -> Mapping[str, str]:
+    """What stays in a local from block to block, by the local of a block that reads it."""
+    return part.repeat.carried if part.repeat and style is ALONE else {}
 
 
 def value_text(value: Expression, style: Style) -> str:
@@ -309,14 +273,17 @@ def _far(program: Program, kernel: Kernel, part: Part, style: Style) -> Iterator
     for step in steps_of(program, part, style):
         yield from step.lines
     yield ""
+    places = varying(part)
     yield from (
-        output_line(kernel, i, style, place_text(part, i, i))
+        output_line(kernel, i, style, places.get(i, ""))
         for i, value in part.outputs
         if is_written(kernel, value)
     )
     passed = part.repeat.passed if part.repeat and style is ALONE else ()
     yield from (
-        _store_line(part, name, slot, style) for name, slot in part.kept if name not in passed
+        _store_line(name, places.get(name, slot), style)
+        for name, slot in part.kept
+        if name not in passed
     )
     yield from copied_lines(kernel, part.copies, style)
 
@@ -392,29 +359,30 @@ def load_lines(part: Part, style: Style) -> dict[str, str]:
     entries = {
         load.name: (load.argument, load.index) for load in part.loads if load.argument != "t"
     }
-    carried = part.repeat.carried if part.repeat and style is ALONE else ()
+    carried = _carried(part, style)
     entries |= {name: ("work", slot) for name, slot in part.taken if name not in carried}
+    places = varying(part)
     lines = {
-        name: f"const double {name} = {style.entry.format(array, place_text(part, name, place))};"
+        name: f"const double {name} = {style.entry.format(array, places.get(name, place))};"
         for name, (array, place) in entries.items()
     }
     for name in part.repeat.constants if part.repeat else ():
-        lines[name] = f"const double {name} = numbers_[{place_text(part, name, 0)}];"
+        lines[name] = f"const double {name} = numbers_[{places[name]}];"
     return lines
 
 
 def _stores(kernel: Kernel, part: Part, style: Style) -> dict[str, list[str]]:
-    """The lines that store a local: into the workspace, as a result."""
-    lines = {name: [_store_line(part, name, slot, style)] for name, slot in part.kept}
+    """The lines that store a local: into the workspace, as a result; not of repeats."""
+    lines = {name: [_store_line(name, slot, style)] for name, slot in part.kept}
     for i, value in part.outputs:
         if isinstance(value, str):
-            line = output_line(kernel, i, style, place_text(part, i, i))
+            line = output_line(kernel, i, style)
             lines.setdefault(value, []).append(line)
     return lines
 
 
-def _store_line(part: Part, name: str, slot: int, style: Style) -> str:
-    return f"{style.entry.format('work', place_text(part, name, slot))} = {name};"
+def _store_line(name: str, place: str | int, style: Style) -> str:
+    return f"{style.entry.format('work', place)} = {name};"
 
 
 def steps_of(program: Program, part: Part, style: Style) -> Iterator[Step]:

@@ -1,7 +1,8 @@
 """Rows of loops in C, where statements that come again and again are written once: against NumPy,
 where all are written out, for one state and for many.
 
-Of codegen.passes: repeats, tables, split, lanes; of codegen.targets: c_functions, repeated.
+Of codegen.passes: repeats, tables, split, lanes.
+Of codegen.targets: c_functions, repeated.
 """
 
 from __future__ import annotations

@@ -43,9 +43,7 @@ from hamel.verify.long_trees import (
 from hamel.verify.records import CheckResult, Verification
 from hamel.verify.reference.loads import uses_reactions
 from hamel.verify.reference.outcome import Reference, reference, state_of
-from hamel.verify.reference.ties import (
-    are_ties,
-)
+from hamel.verify.reference.ties import are_ties
 from hamel.verify.reference.vectors import Array
 
 VARIED = 0.02  # of parameters that are arguments: any mechanism stays one

@@ -13,7 +13,6 @@ from codegen.passes.lanes import (
     DYNAMICS,
     STEPPED,
 )
-from codegen.passes.schedule import TURNS
 from codegen.passes.split import Copy, Part, names, split
 from codegen.program import (
     Expression,
@@ -22,10 +21,10 @@ from codegen.program import (
     Rolled,
     Section,
     Solving,
-    Statement,
 )
 from codegen.targets.repeated import Again, again, varying
 from codegen.targets.rolled import Text, c_text
+from codegen.targets.turns import Step, by_fours, by_lanes, is_turn
 
 FEW = 24  # values that are added up one by one to see that all are finite
 # results from which on each is stored as soon as it is known, as the parts of a long function do:
@@ -93,15 +92,6 @@ class Body:
     given: Given | None = None  # results that are looked at when they leave the lanes
     joined: bool = False  # are its pieces put together again?
     columns: Columns | None = None  # what is solved for after its pieces
-
-
-@dataclass(frozen=True)
-class Step:
-    """Lines that belong together, the locals that they read and those that they make."""
-
-    lines: Sequence[str]
-    reads: Sequence[str]
-    makes: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -398,74 +388,8 @@ def steps_of(program: Program, part: Part, style: Style) -> Iterator[Step]:
                 yield turns.pop(statement.name)
 
 
-def is_turn(statement: Statement) -> bool:
-    """A sine or a cosine."""
-    return isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos")
-
-
-def angles_of(section: Section) -> dict[Expression, dict[str, str]]:
-    """Which locals are the sine and the cosine of an angle."""
-    pairs: dict[Expression, dict[str, str]] = {}
-    for statement in section.statements:
-        if isinstance(statement.value, tuple) and is_turn(statement):
-            pairs.setdefault(statement.value[1], {})[statement.value[0]] = statement.name
-    return pairs
-
-
-def _by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, Step]:
-    """At the first of a sine and cosine the a step for both."""
-    steps: dict[str, Step] = {}
-    for angle, pairs in angles_of(section).items():
-        first = next(iter(pairs.values()))
-        sin, cos = (pairs.get(name) or fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
-        call = f"bad += {prefix}_sincos({text.expression(angle, text.C)}, &{sin}, &{cos});"
-        steps[first] = Step([f"double {sin}, {cos};", call], list(names(angle)), [sin, cos])
-    return steps
-
-
-def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, Step]:
-    """At the last sine or cosine the a step for all, four angles at a time; where one needs
-    another, one by one."""
-    angles = list(angles_of(section).items())
-    groups = (
-        [angles[i : i + 4] for i in range(0, len(angles), 4)]
-        if section.title == TURNS
-        else [[item] for item in angles]
-    )
-    steps: dict[str, Step] = {}
-    for group in groups:
-        last = [
-            s.name
-            for s in section.statements
-            if any(s.name in pairs.values() for _, pairs in group)
-        ]
-        sines, cosines = fresh("sines", taken), fresh("cosines", taken)
-        values = [*(text.expression(angle, text.C) for angle, _ in group), "0.0", "0.0", "0.0"][:4]
-        calls = [
-            f"double {sines}[4], {cosines}[4];",
-            f"{prefix}_turns({', '.join(values)}, {sines}, {cosines});",
-        ]
-        for k, (_, pairs) in enumerate(group):
-            calls += [
-                f"const double {local} = {sines if name == 'sin' else cosines}[{k}];"
-                for name, local in pairs.items()
-            ]
-        reads = [name for angle, _ in group for name in names(angle)]
-        step = Step(calls, reads, [local for _, pairs in group for local in pairs.values()])
-        steps[last[-1] if section.title == TURNS else last[0]] = step
-    return steps
-
-
-def fresh(wanted: str, taken: set[str]) -> str:
-    """The name, with lines under it until nothing else is called so."""
-    while wanted in taken:
-        wanted += "_"
-    taken.add(wanted)
-    return wanted
-
-
-ALONE = Style("{0}[{1}]", text.C, _by_fours)
-SIDE_BY_SIDE = Style("{0}[{1} * LANES + lane]", text.LANES, _by_lanes)
+ALONE = Style("{0}[{1}]", text.C, by_fours)
+SIDE_BY_SIDE = Style("{0}[{1} * LANES + lane]", text.LANES, by_lanes)
 
 
 def output_line(kernel: Kernel, i: int, style: Style, where: str = "") -> str:

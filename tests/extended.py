@@ -19,7 +19,7 @@ from codegen.emit import emit
 from codegen.passes import precision, program
 from codegen.program import Program
 from codegen.reals import FUNCTIONS, Real
-from codegen.targets import simulate
+from codegen.targets import schemes, simulate
 from derive.formulations.records import Equations
 
 EXTENDED = Real(
@@ -113,7 +113,7 @@ class Simulator:
         return np.dtype(fields, align=True)
 
 
-def _in_two_parts(value: Fraction, number: Callable[[Fraction], str] = simulate.number) -> str:
+def _in_two_parts(value: Fraction, number: Callable[[Fraction], str] = schemes.number) -> str:
     """A coefficient that is longer than a double as the sum of two."""
     text = number(value)
     return (
@@ -125,7 +125,7 @@ def _in_two_parts(value: Fraction, number: Callable[[Fraction], str] = simulate.
 
 def _library(made: Program, folder: Path) -> ctypes.CDLL:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulate, "number", _in_two_parts)
+        patch.setattr(schemes, "number", _in_two_parts)
         files = emit(made)
     for name, text in files.items():
         if name.endswith((".c", ".h")):

@@ -21,7 +21,7 @@ from codegen.emit import emit
 from codegen.integrators import DOP853
 from codegen.passes import program
 from codegen.program import Program
-from codegen.targets.simulate import number
+from codegen.targets.schemes import number
 from derive.formulations.records import Equations
 from hamel.simulate.libraries import REFERENCES, Problem
 from hamel.simulate.libraries.sundials import compiled_by_casadi

@@ -40,13 +40,9 @@ from codegen.targets.c_functions import (
     MANY,
     SIDE_BY_SIDE,
     Body,
-    Step,
-    angles_of,
     batch_body,
     body_of,
     copied_lines,
-    fresh,
-    is_turn,
     is_written,
     load_lines,
     output_line,
@@ -55,6 +51,7 @@ from codegen.targets.c_functions import (
     value_text,
 )
 from codegen.targets.records import Target
+from codegen.targets.turns import Step, angles_of, fresh, is_turn
 
 _CALL = re.compile(r"_sincos\((.*), &\w+, &\w+\);$")  # of a sine with its cosine in lanes
 FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512bw", "avx512vl")

@@ -4,7 +4,7 @@ side, in parts where they are long.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -13,8 +13,7 @@ from codegen.passes.lanes import (
     DYNAMICS,
     STEPPED,
 )
-from codegen.passes.schedule import TURNS
-from codegen.passes.split import Copy, Part, Repeat, names, split
+from codegen.passes.split import Copy, Part, names, split
 from codegen.program import (
     Expression,
     Kernel,
@@ -22,9 +21,10 @@ from codegen.program import (
     Rolled,
     Section,
     Solving,
-    Statement,
 )
+from codegen.targets.repeated import Again, again, varying
 from codegen.targets.rolled import Text, c_text
+from codegen.targets.turns import Step, by_fours, by_lanes, is_turn
 
 FEW = 24  # values that are added up one by one to see that all are finite
 # results from which on each is stored as soon as it is known, as the parts of a long function do:
@@ -37,21 +37,7 @@ JOINED = 2_000
 # vectors of up to EIGHT columns that are solved for side by side: a multiplication and addition
 # takes as long as four of them, and any that is late is made up for by one more
 ABREAST, EIGHT = (12, 11, 10, 9, 8, 7, 6, 5, 4), 8
-SHORT = 32_768  # places below it are written as short numbers
 APART = 16  # places; results further from each other are looked at in two calls
-
-
-@dataclass(frozen=True)
-class Again:
-    """How often a piece is gone through, `rows` of the table of places, and its constants."""
-
-    count: int
-    width: int
-    kind: str
-    rows: tuple[str, ...]
-    numbers: tuple[str, ...]
-    begin: tuple[str, ...]  # lines before the first: what it takes of a block before
-    end: tuple[str, ...]  # and at the end of each: what it hands on
 
 
 @dataclass(frozen=True)
@@ -106,15 +92,6 @@ class Body:
     given: Given | None = None  # results that are looked at when they leave the lanes
     joined: bool = False  # are its pieces put together again?
     columns: Columns | None = None  # what is solved for after its pieces
-
-
-@dataclass(frozen=True)
-class Step:
-    """Lines that belong together, the locals that they read and those that they make."""
-
-    lines: Sequence[str]
-    reads: Sequence[str]
-    makes: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -267,35 +244,13 @@ def _piece(
             for g in part.guards
         ),
         unused=tuple(name for name in given if name not in uses),
-        again=_again(part, part.repeat, style) if part.repeat else None,
+        again=again(part, part.repeat, _carried(part, style)) if part.repeat else None,
     )
 
 
-def _again(part: Part, repeat: Repeat, style: Style) -> Again:
-    slots = dict(part.taken)
-    carried = repeat.carried if style is ALONE else {}
-    places = [column.places for column in repeat.tables.values()]
-    return Again(
-        count=repeat.count,
-        width=len(places),
-        kind="short" if max(map(max, places), default=0) < SHORT else "int",
-        rows=tuple(", ".join(map(str, row)) for row in zip(*places)),
-        numbers=tuple(map(text.number, repeat.numbers)),
-        begin=tuple(f"double {name} = work[{slots[name]}];" for name in carried),
-        end=tuple(f"{name} = {maker};" for name, maker in carried.items()),
-    )
-
-
-def place_text(part: Part, key: str | int, place: int) -> str:
-    """A place of an array; of blocks that are alike that of block i_."""
-    column = part.repeat.columns.get(key) if part.repeat else None
-    if part.repeat is None or column is None:
-        return str(place)
-    step = column.step
-    if step is None:
-        return f"at_[{list(part.repeat.tables).index(key)}]"
-    times = "i_" if abs(step) == 1 else f"{abs(step)} * i_"
-    return f"({column.places[0]} {'+' if step > 0 else '-'} {times})"
+def _carried(part: Part, style: Style) -> Mapping[str, str]:
+    """What stays in a local from block to block, by the local of a block that reads it."""
+    return part.repeat.carried if part.repeat and style is ALONE else {}
 
 
 def value_text(value: Expression, style: Style) -> str:
@@ -308,14 +263,17 @@ def _far(program: Program, kernel: Kernel, part: Part, style: Style) -> Iterator
     for step in steps_of(program, part, style):
         yield from step.lines
     yield ""
+    places = varying(part)
     yield from (
-        output_line(kernel, i, style, place_text(part, i, i))
+        output_line(kernel, i, style, places.get(i, ""))
         for i, value in part.outputs
         if is_written(kernel, value)
     )
     passed = part.repeat.passed if part.repeat and style is ALONE else ()
     yield from (
-        _store_line(part, name, slot, style) for name, slot in part.kept if name not in passed
+        _store_line(name, places.get(name, slot), style)
+        for name, slot in part.kept
+        if name not in passed
     )
     yield from copied_lines(kernel, part.copies, style)
 
@@ -391,29 +349,30 @@ def load_lines(part: Part, style: Style) -> dict[str, str]:
     entries = {
         load.name: (load.argument, load.index) for load in part.loads if load.argument != "t"
     }
-    carried = part.repeat.carried if part.repeat and style is ALONE else ()
+    carried = _carried(part, style)
     entries |= {name: ("work", slot) for name, slot in part.taken if name not in carried}
+    places = varying(part)
     lines = {
-        name: f"const double {name} = {style.entry.format(array, place_text(part, name, place))};"
+        name: f"const double {name} = {style.entry.format(array, places.get(name, place))};"
         for name, (array, place) in entries.items()
     }
     for name in part.repeat.constants if part.repeat else ():
-        lines[name] = f"const double {name} = numbers_[{place_text(part, name, 0)}];"
+        lines[name] = f"const double {name} = numbers_[{places[name]}];"
     return lines
 
 
 def _stores(kernel: Kernel, part: Part, style: Style) -> dict[str, list[str]]:
-    """The lines that store a local: into the workspace, as a result."""
-    lines = {name: [_store_line(part, name, slot, style)] for name, slot in part.kept}
+    """The lines that store a local: into the workspace, as a result; not of repeats."""
+    lines = {name: [_store_line(name, slot, style)] for name, slot in part.kept}
     for i, value in part.outputs:
         if isinstance(value, str):
-            line = output_line(kernel, i, style, place_text(part, i, i))
+            line = output_line(kernel, i, style)
             lines.setdefault(value, []).append(line)
     return lines
 
 
-def _store_line(part: Part, name: str, slot: int, style: Style) -> str:
-    return f"{style.entry.format('work', place_text(part, name, slot))} = {name};"
+def _store_line(name: str, place: str | int, style: Style) -> str:
+    return f"{style.entry.format('work', place)} = {name};"
 
 
 def steps_of(program: Program, part: Part, style: Style) -> Iterator[Step]:
@@ -429,74 +388,8 @@ def steps_of(program: Program, part: Part, style: Style) -> Iterator[Step]:
                 yield turns.pop(statement.name)
 
 
-def is_turn(statement: Statement) -> bool:
-    """A sine or a cosine."""
-    return isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos")
-
-
-def angles_of(section: Section) -> dict[Expression, dict[str, str]]:
-    """Which locals are the sine and the cosine of an angle."""
-    pairs: dict[Expression, dict[str, str]] = {}
-    for statement in section.statements:
-        if isinstance(statement.value, tuple) and is_turn(statement):
-            pairs.setdefault(statement.value[1], {})[statement.value[0]] = statement.name
-    return pairs
-
-
-def _by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, Step]:
-    """At the first of a sine and cosine the a step for both."""
-    steps: dict[str, Step] = {}
-    for angle, pairs in angles_of(section).items():
-        first = next(iter(pairs.values()))
-        sin, cos = (pairs.get(name) or fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
-        call = f"bad += {prefix}_sincos({text.expression(angle, text.C)}, &{sin}, &{cos});"
-        steps[first] = Step([f"double {sin}, {cos};", call], list(names(angle)), [sin, cos])
-    return steps
-
-
-def _by_fours(prefix: str, section: Section, taken: set[str]) -> dict[str, Step]:
-    """At the last sine or cosine the a step for all, four angles at a time; where one needs
-    another, one by one."""
-    angles = list(angles_of(section).items())
-    groups = (
-        [angles[i : i + 4] for i in range(0, len(angles), 4)]
-        if section.title == TURNS
-        else [[item] for item in angles]
-    )
-    steps: dict[str, Step] = {}
-    for group in groups:
-        last = [
-            s.name
-            for s in section.statements
-            if any(s.name in pairs.values() for _, pairs in group)
-        ]
-        sines, cosines = fresh("sines", taken), fresh("cosines", taken)
-        values = [*(text.expression(angle, text.C) for angle, _ in group), "0.0", "0.0", "0.0"][:4]
-        calls = [
-            f"double {sines}[4], {cosines}[4];",
-            f"{prefix}_turns({', '.join(values)}, {sines}, {cosines});",
-        ]
-        for k, (_, pairs) in enumerate(group):
-            calls += [
-                f"const double {local} = {sines if name == 'sin' else cosines}[{k}];"
-                for name, local in pairs.items()
-            ]
-        reads = [name for angle, _ in group for name in names(angle)]
-        step = Step(calls, reads, [local for _, pairs in group for local in pairs.values()])
-        steps[last[-1] if section.title == TURNS else last[0]] = step
-    return steps
-
-
-def fresh(wanted: str, taken: set[str]) -> str:
-    """The name, with lines under it until nothing else is called so."""
-    while wanted in taken:
-        wanted += "_"
-    taken.add(wanted)
-    return wanted
-
-
-ALONE = Style("{0}[{1}]", text.C, _by_fours)
-SIDE_BY_SIDE = Style("{0}[{1} * LANES + lane]", text.LANES, _by_lanes)
+ALONE = Style("{0}[{1}]", text.C, by_fours)
+SIDE_BY_SIDE = Style("{0}[{1} * LANES + lane]", text.LANES, by_lanes)
 
 
 def output_line(kernel: Kernel, i: int, style: Style, where: str = "") -> str:

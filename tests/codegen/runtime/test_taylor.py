@@ -24,6 +24,7 @@ from derive.states.initial import initial_state
 from hamel.build.module import published
 from hamel.settings import settings
 from hamel.simulate.exact import Problem, solution, state_of
+from tests.arrays import address, aligned
 from tests.scenes import derived, equations_of_text
 from tests.toy import circle
 
@@ -266,19 +267,6 @@ def test_coefficients_in_lanes_are_those_of_one(tmp_path: Path) -> None:
         if k != 2:
             np.testing.assert_allclose(many[:, :2, k], one[:, :2], rtol=1e-13, atol=1e-15)
             np.testing.assert_allclose(many[1:, 2, k], one[1:, 2], rtol=1e-13, atol=1e-15)
-
-
-def address(values: np.ndarray) -> ctypes.c_void_p:
-    return ctypes.c_void_p(values.ctypes.data)
-
-
-def aligned(values: np.ndarray) -> np.ndarray:
-    """A copy that begins at a multiple of 64 bytes."""
-    room = np.zeros(values.size + 8)
-    first = -room.ctypes.data // 8 % 8
-    made = room[first : first + values.size].reshape(values.shape)
-    made[...] = values
-    return made
 
 
 def test_pieces_go_one_by_one(tmp_path: Path) -> None:

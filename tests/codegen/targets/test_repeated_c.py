@@ -1,30 +1,42 @@
 """Rows of loops in C, where statements that come again and again are written once: against NumPy,
 where all are written out, for one state and for many.
 
-Of codegen.passes: repeats, split, lanes; of codegen.targets: c_functions.
+Of codegen.passes: repeats, tables, split, lanes.
+Of codegen.targets: c_functions, repeated.
 """
 
 from __future__ import annotations
 
+import ctypes
 import importlib
+import shutil
+import subprocess
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from codegen import compiler
+from codegen.emit import emit
 from codegen.passes import program
 from codegen.passes.lanes import is_batched
+from codegen.passes.split import Part
+from codegen.passes.tables import Column, Repeat
 from codegen.program import Program
+from codegen.targets.repeated import SHORT, again
 from derive.formulations import equations
 from derive.mechanics.records import System
 from derive.model import load_text
 from derive.states import system
 from derive.states.sampling import states
 from hamel.build.module import module_in, published
+from tests.arrays import address, aligned
 from tests.loops import four_bars
 
 N = 60
+STRICT = ("-std=c99", "-O3", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 NAMES = ("dynamics", "constraints", "energy", "velocity", "state")
 
 
@@ -43,10 +55,19 @@ def row() -> tuple[System, Program]:
     return of, program(equations(of), NAMES)
 
 
+@pytest.fixture(scope="module", params=["gcc", "clang"])
+def command(request: pytest.FixtureRequest) -> str:
+    if not shutil.which(request.param):
+        pytest.skip(f"{request.param} is not installed: repeats were not compiled with it")
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def module(row: tuple[System, Program], tmp_path_factory: pytest.TempPathFactory) -> Any:
-    folder = tmp_path_factory.mktemp("repeated") / "four_bars"
-    published(row[1], folder)
+def module(
+    command: str, row: tuple[System, Program], tmp_path_factory: pytest.TempPathFactory
+) -> Any:
+    folder = tmp_path_factory.mktemp(command) / "four_bars"
+    assert published(row[1], folder, compiler=[command]).compiled
     return module_in(str(folder))
 
 
@@ -62,18 +83,77 @@ def test_bodies_are_what_is_left_to_compile(row: tuple[System, Program]) -> None
     assert written_out.kernel("dynamics") == replace(kernel, repeats=None)
 
 
+def test_the_compiler_has_no_warning(
+    command: str, row: tuple[System, Program], tmp_path: Path
+) -> None:
+    """Nor where loops over lanes, which are separate, become vectors."""
+    texts = emit(row[1])
+    for name, content in texts.items():
+        if name.endswith((".c", ".h")):
+            (tmp_path / name).write_text(content, encoding="utf-8")
+    assert "    SEPARATE\n" in texts["four_bars_batch.c"]
+    for name in ("four_bars_batch.c", "four_bars_dynamics.c"):
+        asked = [command, *STRICT, "-c", name]
+        done = subprocess.run(asked, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+
+
+def test_places_that_are_far_away_are_no_short_numbers() -> None:
+    makes = (("a",), ("b",), ("c",))
+    for last, kind in ((SHORT - 1, "short"), (SHORT, "int")):
+        repeat = Repeat(3, makes, {"x": Column((0, 5, last))}, reads={"x": ("x", "y", "z")})
+        assert again(Part(repeat=repeat), repeat, {}).kind == kind
+
+
 @pytest.mark.parametrize("name", NAMES[:-1])
 def test_c_agrees_with_what_is_written_out(
     name: str, row: tuple[System, Program], module: Any
 ) -> None:
-    sampled = states(row[0], 12)
+    given = _somewhere(row[0], module)
     numpy = importlib.import_module(f"{module.__name__}._numpy")
-    qv = np.hstack([sampled.q, sampled.v])
-    x = module.state(sampled.t, qv, sampled.u, sampled.p)
-    many = getattr(module, name)(sampled.t, x, sampled.u, sampled.p)
-    expected = getattr(numpy, name)(sampled.t, x, sampled.u, sampled.p)
+    many = getattr(module, name)(*given)
+    expected = getattr(numpy, name)(*given)
     size = np.max(np.abs(expected), initial=1.0)
     assert np.max(np.abs(many - expected)) <= 1e-11 * size
     for k, found in enumerate(many):
-        alone = getattr(module, name)(sampled.t[k], x[k], sampled.u[k], sampled.p[k])
+        alone = getattr(module, name)(*(each[k] for each in given))
         assert np.max(np.abs(alone - found)) <= 1e-11 * size
+
+
+def test_no_lane_has_to_be_done_again(
+    row: tuple[System, Program], module: Any, command: str
+) -> None:
+    """The function for several states by itself: behind a call what is wrong there, as values that
+    nobody has made, could go to the function for one state and be right."""
+    lanes = 8 if "__AVX512F__" in compiler.probe((command,))[1] else 4
+    t, x, u, p = (aligned(each[:lanes].T) for each in _somewhere(row[0], module))
+    out, stray = aligned(np.full(x.shape, np.nan)), aligned(np.full(lanes, np.nan))
+    folder = Path(module.__file__).parent
+    library = ctypes.CDLL(str(folder / compiler.shared_library("four_bars")))
+    library.four_bars_dynamics_lanes(*map(address, (t, x, u, p, out, stray)))
+    assert not stray.any()
+    for k in range(lanes):
+        alone = module.dynamics(t[k], *(np.ascontiguousarray(each[:, k]) for each in (x, u, p)))
+        assert np.max(np.abs(out[:, k] - alone)) <= 1e-11 * np.max(np.abs(alone), initial=1.0)
+
+
+@pytest.mark.parametrize("loop", [0, 31, N - 1])
+def test_a_pivot_of_any_loop_is_looked_at(
+    loop: int, row: tuple[System, Program], module: Any
+) -> None:
+    t, x, u, p = _somewhere(row[0], module)
+    x[3, N + 1 + loop] = x[3, loop + 1] - x[3, loop] + 1e-8  # the rocker along its coupler
+    with pytest.raises(FloatingPointError):
+        module.dynamics(t[3], x[3], u[3], p[3])
+    with pytest.warns(RuntimeWarning, match="row 3: singular"):
+        many = module.dynamics(t, x, u, p)
+    assert np.isnan(many).any(axis=1).nonzero()[0].tolist() == [3]
+
+
+def _somewhere(of: System, module: Any) -> tuple[np.ndarray, ...]:
+    """t, x, u and p of 12 states off the constraints: closed loops are parallelograms with the same
+    angles, and what is read of another loop would be right."""
+    found = states(of, 12)
+    x = module.state(found.t, np.hstack([found.q, found.v]), found.u, found.p)
+    off = np.random.default_rng(0).uniform(-0.1, 0.1, x.shape)
+    return found.t, x + off, found.u, found.p

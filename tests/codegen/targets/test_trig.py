@@ -1,5 +1,8 @@
 """The inlined sine and cosine: below one unit in the last place on |x| ≤ 1e5, the library's own
-beyond; scalar and in batches. In steps of motions side by side, shorter ones."""
+beyond; scalar and in batches. In steps of motions side by side, shorter ones.
+
+Of codegen.targets: turns.
+"""
 
 from __future__ import annotations
 

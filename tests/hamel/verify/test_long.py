@@ -1,7 +1,7 @@
 """Long trees: nothing of them is written out unless it is asked for, the reference balances their
 forces in O(n), and a planted error is seen.
 
-Of hamel.verify: long.
+Of hamel.verify: long, long_trees.
 Of hamel.verify.reference: balance.
 Of derive.textbook: loops.
 Of derive.expressions: deferred.
@@ -23,7 +23,8 @@ from derive.expressions.deferred import Deferred, Term, changed, is_deferred, pa
 from derive.formulations.records import Equations
 from derive.textbook import html
 from hamel.build.stages import equations_of, model_of
-from hamel.verify.long import BALANCED, FEWEST, drawn, is_long, long_verification
+from hamel.verify.long import FEWEST, drawn, is_long, long_verification
+from hamel.verify.long_trees import BALANCED
 from hamel.verify.reference.balance import balance
 from hamel.verify.reference.outcome import evaluate, reference
 from tests.trees import chain, equal_links, tree

@@ -1,7 +1,8 @@
 """Many loops are verified by the balance of forces along their closures: no matrix over all of
 them, and an error in any function is seen.
 
-Of hamel.verify: long; of hamel.verify.reference: ties.
+Of hamel.verify: long, long_trees, long_loops.
+Of hamel.verify.reference: ties.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from derive.formulations.evaluate import evaluator, function_of
 from derive.formulations.records import Equations
 from derive.model import load_text
 from derive.states import system
-from hamel.verify.long import FEWEST, drawn, is_long, long_verification, made, own_velocities
+from hamel.verify.long import FEWEST, drawn, is_long, long_verification, own_velocities
+from hamel.verify.long_loops import made
 from hamel.verify.reference.balance import balance
 from hamel.verify.reference.outcome import evaluate, reference
 from hamel.verify.reference.ties import (

@@ -98,24 +98,29 @@ def _blocks(doc: Manuscript) -> None:
 
 
 def _block_laws(doc: Manuscript, dependent: list[int], free: list[int]) -> None:
-    """S and R over the blocks, rows sorted like the velocities."""
+    """S and R over the blocks, rows sorted like the velocities.
+
+    Both are looked at times what they are divided by, S' and A₁: the inverse of a long matrix takes
+    minutes.
+    """
     A, B = doc.terms.named("A"), doc.terms.named("B")
     A1, A2, B1, B2 = A[:, dependent], A[:, free], B[:, dependent], B[:, free]
     order = [*dependent, *free]
-    schur = B2 - ca.mtimes(B1, ca.solve(A1, A2))
-    S = ca.vertcat(-ca.mtimes(ca.solve(A1, A2), ca.inv(schur)), ca.inv(schur))
+    S, R = doc.terms.named("S")[order, :], doc.terms.named("R")[order, :]
+    ratio = ca.solve(A1, A2)
+    schur = B2 - ca.mtimes(B1, ratio)
     doc.law(
         "S by blocks",
         r"!S",
         r"\begin{bmatrix} -!A_1^{-1}!A_2 \\ !1 \end{bmatrix} !S'^{-1}",
-        doc.terms.named("S")[order, :] - S,
+        ca.mtimes(S, schur) - ca.vertcat(-ratio, ca.SX.eye(len(free))),
     )
-    first = ca.vertcat(ca.inv(A1), ca.SX(len(free), len(dependent)))
+    first = ca.vertcat(ca.SX.eye(len(dependent)), ca.SX(len(free), len(dependent)))
     doc.law(
         "R by blocks",
         r"!R",
         r"\begin{bmatrix} !A_1^{-1} \\ !0 \end{bmatrix} - !S\,!B_1\,!A_1^{-1}",
-        doc.terms.named("R")[order, :] - first + ca.mtimes(S, ca.mtimes(B1, ca.inv(A1))),
+        ca.mtimes(R, A1) - first + ca.mtimes(S, B1),
     )
 
 

@@ -406,7 +406,7 @@ def score(ranking: Ranking) -> Score:
 
 def _candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]]:
     """Partitions with the worst condition number each: all of them while they are few, else the
-    pivoted one."""
+    pivoted ones."""
     nv, nw = survey.system.v.numel(), survey.freedom
     subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(survey)
     result: list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]] = []
@@ -433,24 +433,28 @@ def _pivoted(survey: Survey) -> list[tuple[int, ...]]:
     """Greedy: columns of the sampled A with the largest smallest remainder become dependent, the
     others stay free.
 
-    Two preferences: with all columns equal, and with the first velocities of the tree kept free.
+    Three preferences: with all columns equal, and with the first velocities of the tree kept free,
+    less and more. Each of them twice where an input acts: without a look at it, and with actuated
+    speeds kept free among columns that are about as good.
     """
     nv = survey.system.v.numel()
-    return list(
-        dict.fromkeys(
-            _greedy(survey, 1.0 + slope * np.arange(nv) / nv) for slope in (0.0, 1.0, 10.0)
-        )
-    )
+    driven = frozenset(j for j in range(nv) if speed_name(survey.system, j) in survey.driven)
+    weights = [1.0 + slope * np.arange(nv) / nv for slope in (0.0, 1.0, 10.0)]
+    found = [_greedy(survey, x, spared) for spared in (frozenset[int](), driven) for x in weights]
+    return list(dict.fromkeys(found))
 
 
-def _greedy(survey: Survey, weight: np.ndarray) -> tuple[int, ...]:
+def _greedy(survey: Survey, weight: np.ndarray, spared: frozenset[int]) -> tuple[int, ...]:
+    """The free columns, increasing. Of columns in one tenth of a decade the `spared` ones become
+    dependent last."""
     matrices = survey.rows[:, list(survey.kept)]
     free = list(range(survey.system.v.numel()))
     followers = {j for j in free if speed_name(survey.system, j) in survey.followers}
     for _ in range(survey.rank):
-        sizes = np.min(np.linalg.norm(matrices, axis=1), axis=0) * weight
+        sizes = np.round(np.min(np.linalg.norm(matrices, axis=1), axis=0) * weight, 6)
+        tenths = np.round(np.log10(np.maximum(sizes, NONZERO)), 1)
         following = {k for k in followers if sizes[k] > REGULAR}  # dependent first
-        j = max(free, key=lambda k: (k in following, round(float(sizes[k]), 6), k))
+        j = max(free, key=lambda k: (k in following, tenths[k], k not in spared, sizes[k], k))
         free.remove(j)
         matrices = _deflated(matrices, j)
     return tuple(free)

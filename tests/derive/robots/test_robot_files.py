@@ -6,12 +6,14 @@ Of derive.robots: friction, parameters, transmissions.
 
 from __future__ import annotations
 
+from math import comb
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hamel
+from derive.choices.limits import MOST_SUBSETS
 from derive.diagnostics import ModelError
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
@@ -214,6 +216,32 @@ inputs: {{drive: {{joint: {}}}}}
 def test_of_equal_joints_the_actuated_one_is_independent(driven):
     """Two carriages on one belt, none of which follows the other, are the same from either side."""
     assert equations(system(load_text(CARRIAGES.format(driven)))).w == (f"{driven}_dot",)
+
+
+def belts(count: int, driven: str) -> str:
+    """Pairs of carriages l0 r0 l1 r1 …, each pair on a belt of its own and driven on one side."""
+    numbers = range(count)
+    bodies = ", ".join(f"a{k}: {{mass: 2 kg}}, b{k}: {{mass: 2 kg}}" for k in numbers)
+    joints = "".join(
+        f"  {side}{k}: {{type: prismatic, parent: ground, child: {body}{k}, axis: x}}\n"
+        for k in numbers
+        for side, body in zip("lr", "ab")
+    )
+    ties = ", ".join(f"belt{k}: {{holonomic: l{k} + r{k}}}" for k in numbers)
+    inputs = ", ".join(f"drive{k}: {{joint: {driven}{k}}}" for k in numbers)
+    return (
+        f"model: belts\nbodies: {{{bodies}}}\njoints:\n{joints}"
+        f"constraints: {{{ties}}}\ninputs: {{{inputs}}}\n"
+    )
+
+
+@pytest.mark.parametrize("driven", ["l", "r"])
+def test_of_many_equal_joints_the_actuated_ones_are_independent(driven):
+    """Four belts have 70 partitions, more than are enumerated."""
+    count = 4
+    assert comb(2 * count, count) > MOST_SUBSETS
+    chosen = equations(system(load_text(belts(count, driven))))
+    assert chosen.w == tuple(f"{driven}{k}_dot" for k in range(count))
 
 
 @pytest.mark.parametrize("ratio", ["1", "0.1", "-7"])

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import comb
+from math import comb, log10
 
 import casadi as ca
 import numpy as np
@@ -451,8 +451,9 @@ def _greedy(survey: Survey, weight: np.ndarray, spared: frozenset[int]) -> tuple
     free = list(range(survey.system.v.numel()))
     followers = {j for j in free if speed_name(survey.system, j) in survey.followers}
     for _ in range(survey.rank):
-        sizes = np.round(np.min(np.linalg.norm(matrices, axis=1), axis=0) * weight, 6)
-        tenths = np.round(np.log10(np.maximum(sizes, NONZERO)), 1)
+        lengths: np.ndarray = np.min(np.linalg.norm(matrices, axis=1), axis=0)
+        sizes = [round(float(x), 6) for x in lengths * weight]
+        tenths = [round(log10(max(x, NONZERO)), 1) for x in sizes]
         following = {k for k in followers if sizes[k] > REGULAR}  # dependent first
         j = max(free, key=lambda k: (k in following, tenths[k], k not in spared, sizes[k], k))
         free.remove(j)

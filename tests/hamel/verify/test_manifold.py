@@ -23,7 +23,7 @@ from hamel.verify.mutation.mutations import mutations
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence, results
 from tests.scenes import MODELS
-from tests.texts import PARALLELOGRAM
+from tests.texts import CAR_AXIS, PARALLELOGRAM
 
 OWN = (*manifold.CHECKS, *kinks.CHECKS)
 FEW = 4  # states: planted errors show at any of them
@@ -67,6 +67,7 @@ CASES = {
     "bicycle": ("bicycle", "quasi_velocities"),
     "ball": (BALL, "quasi_velocities"),
     "ball with multipliers": (BALL, "augmented"),
+    "prescribed motion": (CAR_AXIS, "augmented"),
 }
 
 

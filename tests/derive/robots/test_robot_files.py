@@ -321,6 +321,20 @@ def test_inertial_numbers_become_parameters_and_a_payload_is_added(tmp_path):
     assert abs(added[1, 1] - 0.5 * 0.4**2) < 1e-15  # at 0.4 m beside the axis of the last joint
 
 
+def test_barycentric_parameters_are_those_that_forces_are_linear_in(tmp_path):
+    """The mass matrix of the file, and it is linear in all of them but the payload's."""
+    file = two_links(tmp_path)
+    plain, named = imported(file), imported(hamel.RobotFile(file, parameters="barycentric"))
+    names = [parameter.name for parameter in named.model.parameters]
+    assert len(names) == 2 * 10 + 4 and {"m_upper", "h_lower_z", "I_lower_xy"} <= set(names)
+    assert np.allclose(mass(named.text), mass(plain.text), rtol=1e-14, atol=1e-15)
+    p = np.array([parameter.value for parameter in named.model.parameters])
+    steps = p[:-4] * np.random.default_rng(0).uniform(-0.1, 0.1, len(p) - 4)
+    there = [mass(named.text, p + k * np.append(steps, [0.0] * 4)) for k in (0, 1, 2)]
+    assert np.abs(there[1] - there[0]).max() > 1e-3
+    assert np.allclose(there[2] - there[1], there[1] - there[0], rtol=0, atol=1e-14)
+
+
 def test_only_inertial_parameters_are_known(tmp_path):
     with pytest.raises(ModelError, match="unknown parameters 'mass'"):
         imported(hamel.RobotFile(two_links(tmp_path), parameters="mass"))

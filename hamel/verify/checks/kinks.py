@@ -37,7 +37,7 @@ LASTS = 0.5  # of a jump or bend, at a tenth of the distance: of curvature a ten
 
 def kinks(e: Evidence) -> float | None:
     """The share of the jumps and bends of the reference's forces, on lines between states, at which
-    no entry of the function changes its sign."""
+    no entry of the function changes its sign; None where the lines meet none of them."""
     if not e.graph.has("kinks"):
         return None
     seen = [each for k in range(min(LINES, len(e.samples))) for each in _seen(Line(e, k))]

@@ -13,6 +13,7 @@ from itertools import islice
 import casadi as ca
 import numpy as np
 
+from derive.choices.orthonormal import LENGTH
 from derive.formulations.evaluate import slots_of
 from derive.mechanics.limits import COFACTORS
 from hamel.verify.checks.check import Check
@@ -250,9 +251,15 @@ def _margins(e: Evidence) -> list[Array]:
 def pivots(e: Evidence) -> float | None:
     """The product of all that the motion divides by, at states of one and the same mechanism, is
     det [A; B] or det(A M⁻¹ Aᵀ) of the reference but for a factor. Of larger blocks, that are solved
-    by reflections, it is the sign alone. Not where rows repeat others."""
+    by reflections, it is the sign alone.
+
+    Not where rows repeat others, and not of an orthonormal choice: it divides by lengths of
+    directions of its own, of which mechanics says nothing.
+    """
     guards = e.graph.equations.function("dynamics").guards
-    if not e.graph.has("guards") or not guards or len(_kept(e)) < len(e.system.rows):
+    own = any(guard.name.startswith(LENGTH) for guard in guards)
+    repeated = len(_kept(e)) < len(e.system.rows)
+    if not e.graph.has("guards") or not guards or own or repeated:
         return None
     ratios, growth = np.array([_ratio(e, s, len(guards)) for s in e.unvaried]).T
     if any(guard.name.count(", ") >= COFACTORS for guard in guards):

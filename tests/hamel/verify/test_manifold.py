@@ -160,6 +160,16 @@ def test_the_sign_of_a_large_block_is_seen() -> None:
     assert "product of pivots" in red(spoiled(e, "guards", turned))
 
 
+def test_an_orthonormal_choice_divides_by_lengths_of_its_own() -> None:
+    """Looked at as the motion has them, in the chart whose frame moves, too."""
+    model = load(MODELS / "gallery" / "governor.yaml")
+    chosen = equations(system(model), "orthonormal", moving=True)
+    e = evidence(reference(model), requested(chosen), None, FEW)
+    assert red(e) == set()
+    value = ca.SX(e.graph.equations.function("guards").result.value)
+    assert red(spoiled(e, "guards", 1.001 * value)) == {"guards"}
+
+
 def test_rows_that_repeat_others_are_left_out() -> None:
     """What a loop says already is said again: independent rows are looked at, and a dependent one among them is
     seen."""

@@ -38,9 +38,9 @@ ROBOT = (
     click.option(
         "--parameters",
         default="",
-        metavar="inertial",
+        metavar="inertial|barycentric",
         help="Of a URDF or MJCF file: masses, centres of mass and inertias become parameters, and "
-        "a payload is added.",
+        "a payload is added; barycentric: masses, first moments and inertias about the origin.",
     ),
 )
 

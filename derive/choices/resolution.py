@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import comb
+from math import comb, log10
 
 import casadi as ca
 import numpy as np
@@ -442,7 +442,7 @@ def score(ranking: Ranking) -> Score:
 
 def _candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]]:
     """Partitions with the worst condition number each: all of them while they are few, else the
-    pivoted one."""
+    pivoted ones."""
     nv, nw = survey.system.v.numel(), survey.freedom
     subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(survey)
     result: list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]] = []
@@ -469,24 +469,29 @@ def _pivoted(survey: Survey) -> list[tuple[int, ...]]:
     """Greedy: columns of the sampled A with the largest smallest remainder become dependent, the
     others stay free.
 
-    Two preferences: with all columns equal, and with the first velocities of the tree kept free.
+    Three preferences: with all columns equal, and with the first velocities of the tree kept free,
+    less and more. Each of them twice where an input acts: without a look at it, and with actuated
+    speeds kept free among columns that are about as good.
     """
     nv = survey.system.v.numel()
-    return list(
-        dict.fromkeys(
-            _greedy(survey, 1.0 + slope * np.arange(nv) / nv) for slope in (0.0, 1.0, 10.0)
-        )
-    )
+    driven = frozenset(j for j in range(nv) if speed_name(survey.system, j) in survey.driven)
+    weights = [1.0 + slope * np.arange(nv) / nv for slope in (0.0, 1.0, 10.0)]
+    found = [_greedy(survey, x, spared) for spared in (frozenset[int](), driven) for x in weights]
+    return list(dict.fromkeys(found))
 
 
-def _greedy(survey: Survey, weight: np.ndarray) -> tuple[int, ...]:
+def _greedy(survey: Survey, weight: np.ndarray, spared: frozenset[int]) -> tuple[int, ...]:
+    """The free columns, increasing. Of columns in one tenth of a decade the `spared` ones become
+    dependent last."""
     matrices = survey.rows[:, list(survey.kept)]
     free = list(range(survey.system.v.numel()))
     followers = {j for j in free if speed_name(survey.system, j) in survey.followers}
     for _ in range(survey.rank):
-        sizes = np.min(np.linalg.norm(matrices, axis=1), axis=0) * weight
+        lengths: np.ndarray = np.min(np.linalg.norm(matrices, axis=1), axis=0)
+        sizes = [round(float(x), 6) for x in lengths * weight]
+        tenths = [round(log10(max(x, NONZERO)), 1) for x in sizes]
         following = {k for k in followers if sizes[k] > REGULAR}  # dependent first
-        j = max(free, key=lambda k: (k in following, round(float(sizes[k]), 6), k))
+        j = max(free, key=lambda k: (k in following, tenths[k], k not in spared, sizes[k], k))
         free.remove(j)
         matrices = _deflated(matrices, j)
     return tuple(free)

@@ -166,6 +166,7 @@ def _finished(
         assumptions=(*system.assumptions, *survey.repetitions),
         generalized_velocities=motion.projects_velocity,
         closing=motion.closing,
+        kept=survey.kept,
         frame=motion.frame,
         requests=(
             *control(system, motion),

@@ -46,7 +46,7 @@ def manifold(equations: Equations, survey: Survey) -> tuple[Request, ...]:
     if kept and keeps_velocities(equations):
         requests.append(Request("slip", SLIP, lambda: _slip(equations, kept, x)))
     if closing and not keeps_velocities(equations):
-        requests.append(Request("pull", PULL, lambda: _pull(equations, kept, closing)))
+        requests.append(Request("pull", PULL, lambda: _pull(equations, survey)))
     dynamics = equations.function("dynamics") if equations.has("dynamics") else None
     if dynamics is not None and (dynamics.guards or (kept and keeps_velocities(equations))):
         requests.append(Request("guards", GUARDS, lambda: _guards(equations, kept, dynamics)))
@@ -114,12 +114,17 @@ def _usual_lengths(survey: Survey) -> np.ndarray:
     return 2.0 ** np.round(np.log2(np.where(lengths > 0, lengths, 1.0)))
 
 
-def _pull(equations: Equations, kept: Sequence[int], closing: Sequence[int]) -> Function:
+def _pull(equations: Equations, survey: Survey) -> Function:
     """Δ of A Δ = −φ, B Δ = 0 as the least of |A Δ|² + |B Δ|² with A Δ = −φ. Where rows that say
-    more than the rates of φ are kept in their place, A Δ = −φ of the latter alone."""
-    system = equations.system
-    A, B = system.A[list(kept), :], speed_rows(equations)
-    met = list(kept) if set(closing) <= set(kept) else list(closing)
+    more than the rates of φ are kept in their place, A Δ = −φ of the latter alone.
+
+    Rows are over their usual lengths: of millions of metres beside radians the squares would leave
+    nothing.
+    """
+    system, kept, closing = equations.system, list(survey.kept), list(survey.closing)
+    whole = 1.0 / _usual_lengths(survey)
+    A, B = ca.mtimes(ca.diag(ca.DM(whole)), system.A[kept, :]), speed_rows(equations)
+    met = kept if set(closing) <= set(kept) else closing
     side = [
         -system.phi[system.rows[i].position] if system.rows[i].position >= 0 else 0.0 for i in met
     ]

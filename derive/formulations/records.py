@@ -193,6 +193,7 @@ class Equations:
     closing: tuple[
         int, ...
     ] = ()  # the independent rows among the holonomic ones, which `project` closes
+    kept: tuple[int, ...] = ()  # the independent rows of A, which stand for all
     charts: tuple[
         Equations, ...
     ] = ()  # further choices, charts 1, 2, … of the same motion; this one is chart 0

@@ -18,7 +18,8 @@ class RobotFile:
     `floating`: the root link moves freely. `exact`: angles are taken to the last digit, else 1.5708
     is read as a right angle. `include`: folders that MJCF files may include from, beside their own.
     `unphysical`: an inertia that no body can have is taken as it is, else refused. `parameters`:
-    "inertial" makes masses, centres of mass and inertias parameters, and adds a payload.
+    "inertial" makes masses, centres of mass and inertias parameters, and adds a payload;
+    "barycentric" masses, first moments and inertias about the origin.
     """
 
     path: str | PathLike[str]

@@ -1,8 +1,8 @@
 """Inertial parameters of a robot as parameters of the model, and a payload at its end.
 
-For identification, adaptation and tools that change: mass, centre of mass and inertia of each link
-become arguments of the functions in the place of numbers. What is exactly zero in the file stays
-zero, so that symmetric links keep short equations.
+For identification, adaptation and tools that change: mass, centre of mass (or first moment) and
+inertia of each link become arguments of the functions in the place of numbers. What is exactly zero
+in the file stays zero, so that symmetric links keep short equations.
 """
 
 from __future__ import annotations
@@ -11,23 +11,38 @@ from derive.robots.numbers import written
 from derive.robots.robot import GROUND, Body, Entry, Joint, Robot
 
 MOMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
-KINDS = ("inertial",)  # of `--parameters`
+INERTIAL, BARYCENTRIC = "inertial", "barycentric"
+KINDS = (INERTIAL, BARYCENTRIC)  # of `--parameters`
 
 
-def name_inertial(robot: Robot) -> None:
-    """Give every inertial number that is not zero a name, and the robot a payload."""
+def name_parameters(robot: Robot, kind: str) -> None:
+    """Give every inertial number that is not zero a name, and the robot a payload. `barycentric`:
+    mass, first moment and tensor about the origin, in which the equations are linear."""
     for body in robot.bodies:
+        if kind == BARYCENTRIC and body.mass:
+            _refer_to_origin(body)
         for short, value, unit in _numbers(body):
             if value:
                 _name(robot, body, short, f"{written(value)} {unit}")
     _add_payload(robot)
 
 
+def _refer_to_origin(body: Body) -> None:
+    """h = m c, and I about the origin: I_c + m (c·c 1 − c cᵀ)."""
+    x, y, z = body.com
+    squares = (y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)
+    about_com = (*body.inertia, *[0.0] * (6 - len(body.inertia)))
+    body.inertia = tuple(a + body.mass * b for a, b in zip(about_com, squares))
+    body.first_moment = (body.mass * x, body.mass * y, body.mass * z)
+
+
 def _numbers(body: Body) -> list[tuple[str, float, str]]:
     """The ten numbers of a body, each with the short name of its parameter and its unit."""
-    coms = [(f"c_{x}", value, "m") for x, value in zip("xyz", body.com)]
+    first = body.first_moment
+    kind, unit, place = ("c", "m", body.com) if first is None else ("h", "kg*m", first)
+    places = [(f"{kind}_{x}", value, unit) for x, value in zip("xyz", place)]
     moments = [(f"I_{x}", value, "kg*m^2") for x, value in zip(MOMENTS, body.inertia)]
-    return [("m", body.mass, "kg"), *coms, *moments]
+    return [("m", body.mass, "kg"), *places, *moments]
 
 
 def _name(robot: Robot, body: Body, short: str, value: str) -> None:

@@ -24,7 +24,7 @@ from derive.robots.friction import smooth
 from derive.robots.inertias import gather, waive
 from derive.robots.limits import MOST_BODIES
 from derive.robots.markup import Budget, parsed, read, unquoted
-from derive.robots.parameters import KINDS, name_inertial
+from derive.robots.parameters import KINDS, name_parameters
 from derive.robots.robot import Robot
 from derive.robots.writing import Written, text_of
 
@@ -92,7 +92,7 @@ def _imported(file: RobotFile) -> Imported:
         waive(robot)
     if file.parameters:
         _check_kind(file.parameters)
-        name_inertial(robot)
+        name_parameters(robot, file.parameters)
     text = text_of(robot, Path(file).name)
     joints = {
         joint.place.get("name"): joint.name

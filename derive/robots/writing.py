@@ -103,13 +103,20 @@ def _body(body: Body) -> str:
     if not body.mass and not any(body.inertia) and not body.symbols:
         return "{mass: 0}"
     parts = [f"mass: {body.symbols.get('m') or written(body.mass) + ' kg'}"]
-    com = [body.symbols.get(f"c_{x}") or written(value) for x, value in zip("xyz", body.com)]
-    if any(word != "0" for word in com):
-        parts.append(f"com: [{', '.join(com)}]")
+    first = body.first_moment
+    kind, key, place = ("c", "com", body.com) if first is None else ("h", "first_moment", first)
+    words = [body.symbols.get(f"{kind}_{x}") or written(value) for x, value in zip("xyz", place)]
+    if any(word != "0" for word in words):
+        parts.append(f"{key}: [{', '.join(words)}]")
     if any(body.inertia):
         entries = zip(MOMENTS, body.inertia if any(body.inertia[3:]) else body.inertia[:3])
         moments = [body.symbols.get(f"I_{x}") or written(value) for x, value in entries]
-        parts.append(f"inertia: [{', '.join(moments)}]")
+        tensor = f"[{', '.join(moments)}]"
+        parts.append(
+            f"inertia: {tensor}"
+            if first is None
+            else f"inertia: {{tensor: {tensor}, about: origin}}"
+        )
     if not body.physical:
         parts.append("physical: false")
     return _braced(parts)

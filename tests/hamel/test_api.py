@@ -236,6 +236,21 @@ def test_every_function_that_is_listed_is_verified():
     assert hamel.verify(path, states=3, functions=[*names, "pose_shaft"]).passed
 
 
+@pytest.mark.parametrize(
+    ("name", "choice"),
+    [("gallery/dc_motor", "auto"), pytest.param("snakeboard", None, marks=pytest.mark.slow)],
+)
+def test_linear_equations_are_verified_of_one_choice_and_of_charts(name, choice):
+    """Of all that is looked at: the choice asked for, and the module of two charts."""
+    found = hamel.verify(
+        MODELS / f"{name}.yaml", states=3, choice=choice, functions=["linearization"]
+    )
+    looked = {check.name.partition(": ")[0] for check in found.checks}
+    assert found.passed
+    for one in looked:
+        assert f"{one}: linearization" in {check.name for check in found.checks}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["four_bar", "free_body"])
 def test_every_function_of_larger_models_is_built(name):

@@ -10,7 +10,9 @@ from hamel.verify.checks import (
     engines,
     identities,
     inverse,
+    kinks,
     linear,
+    manifold,
     momenta,
     motion,
     named_frames,
@@ -29,6 +31,8 @@ CHECKS: tuple[Check, ...] = (
     *identities.CHECKS,
     *inverse.CHECKS,
     *configuration.CHECKS,
+    *manifold.CHECKS,
+    *kinks.CHECKS,
     *linear.CHECKS,
     *named_frames.CHECKS,
     *quasi.CHECKS,
@@ -43,10 +47,12 @@ CHECKS: tuple[Check, ...] = (
 )
 QUICK = (
     *agreement.CHECKS,
+    *manifold.CHECKS,
+    *kinks.CHECKS,
     *linear.CHECKS,
     *named_frames.CHECKS,
     *quasi.CHECKS,
     *regressor.CHECKS,
-)  # every term against the reference, and what was derived from ẋ on request
+)  # every term against the reference, what keeps to it, and what was derived from ẋ on request
 # the loaded module against the graph
 LOADED = (*code.CHECKS[:1], *charts.CHECKS, *steps.CHECKS)

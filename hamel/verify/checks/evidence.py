@@ -37,6 +37,7 @@ from hamel.verify.reference.vectors import Array
 # Parameters that are arguments vary by this part of their value; where that is no machine, for its
 # mass matrix has a negative eigenvalue, by less, and at last not at all.
 VARIED = (0.2, 0.02, 0.0)
+UNVARIED = 5  # states with the file's own parameters
 SHORT = 1e-3  # of the model's own time
 FAR = 0.1  # off the constraints, in the model's own units
 TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power", "zdot")
@@ -302,6 +303,11 @@ class Evidence:
         in the way off them."""
         rng = np.random.default_rng(2)
         return tuple(x + FAR * self.units.x * rng.uniform(-1, 1, len(x)) for x in self.x)
+
+    @cached_property
+    def unvaried(self) -> tuple[Sample, ...]:
+        """Some states of the very mechanism of the file: no parameter is varied."""
+        return tuple(_samples(self.system, self.reference, UNVARIED, 0, 0.0))
 
     @cached_property
     def velocities(self) -> tuple[Array, ...]:

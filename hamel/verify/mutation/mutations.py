@@ -45,6 +45,7 @@ BESIDE = 1e-6  # how far off the constraints a difference is looked at again …
 VANISHES = 1e-4
 # of an entry's largest value: the finest tolerance of what mechanics gives is ten times that
 UNSEEN = 1e-11
+SEE_VIOLATIONS = ("constraints", "project", "closure", "slip", "pull")
 
 
 @dataclass(frozen=True)
@@ -142,13 +143,14 @@ def _with_term(seen: Evidence, name: str, arguments: list[ca.SX], wrong: ca.SX) 
 
 def _functions(seen: Evidence) -> Iterable[Target]:
     """The functions of the module; those that see a violation are looked at beside the constraints
-    as well."""
+    as well. Not `kinks`: where it changes its sign is all that counts, and most changes leave it
+    there."""
     equations = seen.graph.equations
-    for function in equations.functions:
+    for function in (f for f in equations.functions if f.name != "kinks"):
         places = [
             (s.t, x, s.u, s.p) for s, x in zip(seen.samples, seen.arguments_of(function.name))
         ]
-        if function.name in ("constraints", "project"):
+        if function.name in SEE_VIOLATIONS:
             places += [(s.t, x, s.u, s.p) for s, x in zip(seen.samples, seen.astray)]
         if function.name == "state":
             places += [

@@ -37,6 +37,14 @@ class Touch:
     normal: Array
 
 
+def turning(load: Contact, plane: str, state: State) -> tuple[float, float]:
+    """What changes its sign where the force of a contact goes on to another piece: the height, and
+    1 − d times its rate, at which damping has taken all of the pressure."""
+    touch = _touch(load, plane, state)
+    climbing = touch.slope @ _relative(load, state, touch.at)
+    return touch.height, float(1.0 - state.value(load.damping) * climbing)
+
+
 def pressing(load: Contact, plane: str, place: Layout, state: State) -> Pressing:
     """k δ along the slope of the height; k δ (max(0, 1 + d δ̇) − 1) there as well; −μ N v/√(v² +
     ε²) along the slip."""

@@ -257,6 +257,37 @@ def test_names_that_no_model_may_have_are_changed_and_noted():
     assert text.splitlines()[-4:] and "model: class_robot" in text
 
 
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [("math", "math_robot"), ("numpy", "numpy_robot"), ("w", "w_robot"), ("R", "R_robot")],
+)
+def test_a_robot_named_like_a_module_or_a_macro_is_a_model_of_another_name(tmp_path, name, model):
+    """The generated module would hide `math`, and its W_OK is one of C's headers."""
+    file = tmp_path / "robot.urdf"
+    file.write_text(robot(joint("a", "base", "l0")).replace('name="r"', f'name="{name}"', 1))
+    assert imported(file).model.name == model
+
+
+BESIDE = """<mujoco><worldbody>
+<body name="a"><freejoint name="base"/><geom size=".1"/></body>
+<body name="b"><joint name="{0}" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("name", ["base_x", "base_qw", "base_wz"])
+def test_a_joint_named_like_a_coordinate_of_another_gets_a_number(tmp_path, name):
+    """Whichever of the two comes first in the file."""
+    text = BESIDE.format(name)
+    head, free, hinge, tail = text.splitlines()
+    for k, lines in enumerate(((head, free, hinge, tail), (head, hinge, free, tail))):
+        file = tmp_path / f"beside{k}.xml"
+        file.write_text("\n".join(lines))
+        found = imported(file)
+        made = {joint.name for joint in found.model.joints}
+        assert made == ({"base", f"{name}_2"} if k == 0 else {name, "base_2"})
+        assert f"was '{name if k == 0 else 'base'}'" in found.text
+
+
 def test_an_impossible_inertia_counts_with_the_body_it_is_fixed_to():
     found = imported(ROBOTS / "carriage.urdf")
     assert any("an inertia that no body can have" in note for note in found.changed)

@@ -6,12 +6,14 @@ Of derive.robots: friction, parameters, transmissions.
 
 from __future__ import annotations
 
+from math import comb
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hamel
+from derive.choices.limits import MOST_SUBSETS
 from derive.diagnostics import ModelError
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
@@ -216,6 +218,32 @@ def test_of_equal_joints_the_actuated_one_is_independent(driven):
     assert equations(system(load_text(CARRIAGES.format(driven)))).w == (f"{driven}_dot",)
 
 
+def belts(count: int, driven: str) -> str:
+    """Pairs of carriages l0 r0 l1 r1 …, each pair on a belt of its own and driven on one side."""
+    numbers = range(count)
+    bodies = ", ".join(f"a{k}: {{mass: 2 kg}}, b{k}: {{mass: 2 kg}}" for k in numbers)
+    joints = "".join(
+        f"  {side}{k}: {{type: prismatic, parent: ground, child: {body}{k}, axis: x}}\n"
+        for k in numbers
+        for side, body in zip("lr", "ab")
+    )
+    ties = ", ".join(f"belt{k}: {{holonomic: l{k} + r{k}}}" for k in numbers)
+    inputs = ", ".join(f"drive{k}: {{joint: {driven}{k}}}" for k in numbers)
+    return (
+        f"model: belts\nbodies: {{{bodies}}}\njoints:\n{joints}"
+        f"constraints: {{{ties}}}\ninputs: {{{inputs}}}\n"
+    )
+
+
+@pytest.mark.parametrize("driven", ["l", "r"])
+def test_of_many_equal_joints_the_actuated_ones_are_independent(driven):
+    """Four belts have 70 partitions, more than are enumerated."""
+    count = 4
+    assert comb(2 * count, count) > MOST_SUBSETS
+    chosen = equations(system(load_text(belts(count, driven))))
+    assert chosen.w == tuple(f"{driven}{k}_dot" for k in range(count))
+
+
 @pytest.mark.parametrize("ratio", ["1", "0.1", "-7"])
 def test_what_follows_a_joint_of_a_loop_is_not_independent(ratio, tmp_path):
     """Though the input acts there, as MJCF allows."""
@@ -291,6 +319,20 @@ def test_inertial_numbers_become_parameters_and_a_payload_is_added(tmp_path):
     p[names.index("m_payload")], p[names.index("c_payload_x")] = 0.5, 0.4
     added = mass(named.text, p) - mass(plain.text)
     assert abs(added[1, 1] - 0.5 * 0.4**2) < 1e-15  # at 0.4 m beside the axis of the last joint
+
+
+def test_barycentric_parameters_are_those_that_forces_are_linear_in(tmp_path):
+    """The mass matrix of the file, and it is linear in all of them but the payload's."""
+    file = two_links(tmp_path)
+    plain, named = imported(file), imported(hamel.RobotFile(file, parameters="barycentric"))
+    names = [parameter.name for parameter in named.model.parameters]
+    assert len(names) == 2 * 10 + 4 and {"m_upper", "h_lower_z", "I_lower_xy"} <= set(names)
+    assert np.allclose(mass(named.text), mass(plain.text), rtol=1e-14, atol=1e-15)
+    p = np.array([parameter.value for parameter in named.model.parameters])
+    steps = p[:-4] * np.random.default_rng(0).uniform(-0.1, 0.1, len(p) - 4)
+    there = [mass(named.text, p + k * np.append(steps, [0.0] * 4)) for k in (0, 1, 2)]
+    assert np.abs(there[1] - there[0]).max() > 1e-3
+    assert np.allclose(there[2] - there[1], there[1] - there[0], rtol=0, atol=1e-14)
 
 
 def test_only_inertial_parameters_are_known(tmp_path):

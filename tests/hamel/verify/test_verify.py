@@ -22,7 +22,7 @@ from derive.model import load, load_text
 from derive.states import system
 from hamel.build.module import temporary_module
 from hamel.verify import verification
-from hamel.verify.checks import CHECKS, algebra, named_frames, quasi, steps
+from hamel.verify.checks import CHECKS, algebra, kinks, manifold, named_frames, quasi, steps
 from hamel.verify.checks.evidence import terms
 from hamel.verify.checks.linear import JACOBIANS, with_linearization
 from hamel.verify.checks.roundoff import bound
@@ -674,6 +674,7 @@ def test_every_rung_has_been_seen_red(seen, four_bar):
     named |= {"events"}  # test_events
     named |= {check.name for check in (*named_frames.CHECKS, *quasi.CHECKS)}  # test_named_frames
     named |= {"Jacobian of outputs"}  # the same
+    named |= {check.name for check in (*manifold.CHECKS, *kinks.CHECKS)}  # test_manifold
     named |= {check.name for check in steps.CHECKS}  # test_steps
     named |= {"π", "Y π + rest", "Sᵀ (Y π + rest)"}  # test_regressors
     named |= {"ż"}  # test_states

@@ -1,0 +1,142 @@
+"""The function `kinks` against the reference's forces: where formulas of the model and contacts go
+on to another piece, and the forces have a jump or a bend there, some entry changes its sign.
+
+Only where an entry changes its sign has a meaning: a factor, or the other sign, is no error, and a
+change of sign where nothing happens costs a step and no more. What turns is read off the formulas
+of the file; forces of paths and tyres have places of their own that no formula names, and these are
+not looked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from derive.model.load_records import Contact
+from hamel.verify.checks.check import Check
+from hamel.verify.checks.evidence import Evidence, Row
+from hamel.verify.checks.motion import sides
+from hamel.verify.reference.contact import turning
+from hamel.verify.reference.outcome import evaluate, state_of
+from hamel.verify.reference.states import State
+from hamel.verify.reference.vectors import Array
+
+LINES = 3  # from state to state, along which kinks are looked for …
+PARTS = 16  # … in so many parts, in each of which a side turns once or not at all
+HALVINGS = 26  # of a part, to the place where it turns: a thousandth of NEAR
+NEAR = 1e-6  # of such a line: forces are looked at so far before and behind the place
+FLAT = 1e-9  # of the largest force: rounding and curvature leave no larger jump
+STRAIGHT = 1e-6  # … and of that per line, no larger bend
+BENT = 1e-3  # of the slopes: a smaller difference of them is curvature
+LASTS = 0.5  # of a jump or bend, at a tenth of the distance: of curvature a tenth is left
+
+
+def kinks(e: Evidence) -> float | None:
+    """The share of the jumps and bends of the reference's forces, on lines between states, at which
+    no entry of the function changes its sign; None where the lines meet none of them."""
+    if not e.graph.has("kinks"):
+        return None
+    seen = [each for k in range(min(LINES, len(e.samples))) for each in _seen(Line(e, k))]
+    return 1.0 - sum(seen) / len(seen) if seen else None
+
+
+def _seen(line: Line) -> Iterator[bool]:
+    """Of every jump and bend on the line whether the function has it."""
+    grid = [line.sides(place) for place in np.linspace(0.0, 1.0, PARTS + 1)]
+    for part, (before, after) in enumerate(pairwise(grid)):
+        for which in np.flatnonzero(before * after < 0.0):
+            place = line.turn(int(which), part / PARTS, (part + 1) / PARTS)
+            if line.breaks(place):
+                yield line.is_noticed(place)
+
+
+class Break(NamedTuple):
+    """How far forces before and behind a place are apart when both are carried on to it, and how
+    far their slopes are; and the sizes of slopes and forces."""
+
+    jump: Array
+    bend: Array
+    steep: Array
+    size: float
+
+
+@dataclass(frozen=True)
+class Line:
+    """From state k to the next, t, x and u in proportion; a place on it is between 0 and 1."""
+
+    e: Evidence
+    k: int
+
+    def row(self, place: float) -> Row:
+        """(t, x, u, p), with the parameters of the first state."""
+        e, other = self.e, (self.k + 1) % len(self.e.samples)
+        ends = [(e.samples[i].t, e.x[i], e.samples[i].u) for i in (self.k, other)]
+        t, x, u = (a + place * (b - a) for a, b in zip(*ends))
+        return float(t), x, u, e.samples[self.k].p
+
+    def state(self, place: float) -> State:
+        """The reference's state there, at the choice's own velocities."""
+        e, s = self.e, self.e.samples[self.k]
+        t, x, u, p = self.row(place)
+        v, z = e.graph("velocity", t, x, u, p), x[e.graph.equations.speeds.stop :]
+        return state_of(e.reference, t, x[: len(s.q)], v, u, s.full_with(z))
+
+    def sides(self, place: float) -> Array:
+        """What changes its sign where a formula or a contact goes on to another piece."""
+        state, model = self.state(place), self.e.reference.model
+        contacts = [x for x in model.loads if isinstance(x, Contact)]
+        touching = [y for x in contacts for y in turning(x, model.plane, state)]
+        return np.array([*(state.value(side) for side in sides(model)), *touching])
+
+    def turn(self, which: int, before: float, after: float) -> float:
+        """The place where one of them does, between two places."""
+        first = self.sides(before)[which]
+        for _ in range(HALVINGS):
+            middle = (before + after) / 2.0
+            if self.sides(middle)[which] * first > 0.0:
+                before = middle
+            else:
+                after = middle
+        return after
+
+    def forces(self, place: float) -> Array:
+        """What the motion is made of, in the model's own units."""
+        units, outcome = self.e.units, evaluate(self.e.reference, self.state(place))
+        rows = outcome.kinematics
+        terms = ((outcome.force, units.force), (outcome.zdot, units.zdot))
+        tied = ((rows.c, units.rows), (rows.beta, units.beta))
+        return np.concatenate([value / unit for value, unit in (*terms, *tied)])
+
+    def breaks(self, place: float) -> bool:
+        """Whether the reference's forces have a jump or a bend there."""
+        far, near = self._break(place, NEAR), self._break(place, NEAR / 10.0)
+        jumps = (far.jump > FLAT * far.size) & (near.jump > LASTS * far.jump)
+        least = BENT * far.steep + STRAIGHT * far.size
+        bends = (far.bend > least) & (near.bend > LASTS * far.bend)
+        return bool(np.any(jumps | bends))
+
+    def _break(self, place: float, step: float) -> Break:
+        a, b, c, d = (self.forces(place + way * step) for way in (-2, -1, 1, 2))
+        size = float(np.max(np.abs([a, b, c, d]), initial=0.0))
+        slopes = (b - a) / step, (d - c) / step
+        steep = np.abs(slopes[0]) + np.abs(slopes[1])
+        return Break(np.abs((2 * c - d) - (2 * b - a)), np.abs(slopes[1] - slopes[0]), steep, size)
+
+    def is_noticed(self, place: float) -> bool:
+        """Whether some entry of the function changes its sign there."""
+        before, after = (self.e.graph("kinks", *self.row(place + way)) for way in (-NEAR, NEAR))
+        return bool(np.any(np.ravel(before) * np.ravel(after) < 0.0))
+
+
+CHECKS = (
+    Check(
+        "kinks",
+        0.0,
+        "reference: jumps and bends of the forces where formulas and contacts turn",
+        kinks,
+    ),
+)

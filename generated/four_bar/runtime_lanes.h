@@ -775,6 +775,8 @@ static inline Bits stages_of(const Motions *all, const Method *method, const Lan
     (void)all, (void)method;
 #if HAS_LANES_TAYLOR
     return bits(w->made) & 1;
+#else
+    return (Bits){0};
 #endif
 }
 

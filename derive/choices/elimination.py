@@ -76,45 +76,73 @@ def elimination(
     Raises Dependent where a speed depends on the constraints and on the speeds before it,
     Undetermined where a velocity is left over.
     """
-    walk, plan = walked(system, rows, speeds, Coefficients(system, sampled, sizes))
-    values: dict[Key, Scalar] = {("w", k): w[k] for k in range(len(speeds))}
-    forms = [walk.resolved(walk.joints[j]) for j in range(system.v.numel())]
-    unknown = {key[1] for form in forms for key in form if key[0] == "v"}
-    if unknown:
-        raise Undetermined(system.labels[min(unknown)])
-    v = [value(form, values) for form in forms]
-    twists = [walk.resolved_twist(i) for i in range(len(system.links))]
-    numbers = _numbers(system.links, twists, v, values, short)
-    frame = system.frame if isinstance(system, Carried) else None
-    if frame:
-        v[frame.column] = frame.rate(v[frame.beside])
-        numbers = frame.turning(numbers, v)
-    rates = _rates(system, walk, plan, numbers, v)
-    sigma = [rates.resolved(rates.joints[j]).get(ONE, 0.0) for j in range(system.v.numel())]
-    bias = [rates.resolved_twist(i) for i in range(len(system.links))]
-    names = tuple(row.name for row in walk.rows)
-    done = tuple(step for stage in plan for step in stage)
+    walks = _walks(system, rows, speeds, w, Coefficients(system, sampled, sizes), short)
+    forms, rates = [walks.forms[j] for j in range(system.v.numel())], walks.rates
     return Elimination(
         system,
         tuple(forms),
-        v,
-        sigma,
-        twists,
-        numbers,
-        [_at_rest(x) for x in bias],
-        done,
-        names,
+        walks.v,
+        [rates.resolved(rates.joints[j]).get(ONE, 0.0) for j in range(system.v.numel())],
+        walks.twists,
+        walks.numbers,
+        [_at_rest(rates.resolved_twist(i)) for i in range(len(system.links))],
+        tuple(step for stage in walks.plan for step in stage),
+        tuple(row.name for row in rates.rows),
         tuple(sizes),
     )
 
 
 @dataclass(frozen=True)
-class Beginning:
-    """The first rows of an elimination alone: the pivots that vary, and v of the links reached over
-    w and what is not solved yet."""
+class _Walks:
+    """What both walks found of the links that were reached: `forms` and v of their joints, v of the
+    others as it stands."""
 
+    plan: list[list[Step]]
+    forms: dict[int, Form]
+    v: list[Scalar]
+    twists: list[Twist]
+    numbers: list[Numbers]
+    rates: Walk
+
+
+def _walks(
+    system: System | Carried,
+    rows: Sequence[RowForm],
+    speeds: Sequence[RowForm],
+    w: ca.SX,
+    coefficients_at: Coefficients,
+    short: int,
+    most: int | None = None,
+) -> _Walks:
+    """Both walks, up to the link where `most` rows are solved, or to the end."""
+    walk, plan = walked(system, rows, speeds, coefficients_at, most)
+    links = system.links[: len(plan) - 1]
+    forms = {j: walk.resolved(form) for j, form in walk.joints.items()}
+    unknown = {key[1] for form in forms.values() for key in form if key[0] == "v"}
+    if unknown and most is None:
+        raise Undetermined(system.labels[min(unknown)])
+    v: list[Scalar] = [*ca.vertsplit(system.v)]
+    values: dict[Key, Scalar] = {("w", k): w[k] for k in range(len(speeds))}
+    values |= {("v", j): v[j] for j in unknown}
+    for j, form in forms.items():
+        v[j] = value(form, values)
+    twists = [walk.resolved_twist(i) for i in range(len(links))]
+    numbers = _numbers(links, twists, v, values, short)
+    frame = system.frame if isinstance(system, Carried) else None
+    if frame:
+        v[frame.column] = frame.rate(v[frame.beside])
+        numbers = frame.turning(numbers, v)
+    return _Walks(plan, forms, v, twists, numbers, _rates(system, walk, plan, numbers, v))
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """The first rows of an elimination alone: how many are solved, how many pivots vary, and v and
+    σ so far, over w and the velocities that are not solved yet."""
+
+    solved: int
     varying: int
-    v: ca.SX
+    taken: ca.SX
 
 
 def beginning(
@@ -122,18 +150,18 @@ def beginning(
     rows: Sequence[RowForm],
     speeds: Sequence[RowForm],
     w: ca.SX,
-    sampled: States,
-    sizes: Sequence[float],
+    coefficients_at: Coefficients,
+    short: int,
     most: int,
 ) -> Beginning:
-    """As `elimination`, the velocities of it, up to the link where `most` rows are solved. Raises
-    Dependent."""
-    walk, plan = walked(system, rows, speeds, Coefficients(system, sampled, sizes), most)
-    values: dict[Key, Scalar] = {("w", k): w[k] for k in range(len(speeds))}
-    values |= {("v", j): system.v[j] for j in range(system.v.numel())}
-    forms = [walk.resolved(form) for form in walk.joints.values()]
-    varying = sum(step.block.grade == 2 for stage in plan for step in stage)
-    return Beginning(varying, ca.vertcat(ca.SX(0, 1), *[value(form, values) for form in forms]))
+    """As `elimination`, up to the link where `most` rows are solved. Raises Dependent."""
+    walks = _walks(system, rows, speeds, w, coefficients_at, short, most)
+    v = [walks.v[j] for j in walks.forms]
+    sigma = [walks.rates.resolved(x).get(ONE, 0.0) for x in walks.rates.joints.values()]
+    steps = [step for stage in walks.plan for step in stage]
+    solved = sum(len(step.rows) for step in steps)
+    varying = sum(step.block.grade == 2 for step in steps)
+    return Beginning(solved, varying, ca.vertcat(ca.SX(0, 1), *v, *sigma))
 
 
 def _rates(
@@ -159,7 +187,7 @@ def _rates(
     enter_free_velocities(walk)
     _follow(walk, plan[0], here, numbers)
     joint_rates = system.frame.relative(v) if isinstance(system, Carried) else v
-    for i, link in enumerate(system.links):
+    for i, link in enumerate(system.links[: len(plan) - 1]):
         parent = numbers[link.parent] if link.parent >= 0 else STILL
         products = velocity_products(link, parent, [joint_rates[j] for j in link.columns])
         walk.enter(

@@ -19,7 +19,7 @@ from derive.choices.elimination import (
 )
 from derive.choices.limits import SHORT, SINGULAR
 from derive.choices.records import Frame, Guard
-from derive.choices.walk import Step
+from derive.choices.walk import Coefficients, Step
 from derive.expressions.scalars import Matrix, Scalar
 from derive.joints.rotations import rotated as turned_vector
 from derive.joints.rotations import transpose
@@ -112,7 +112,8 @@ def by_elimination(task: Task, way: Way) -> Reduction:
 def first_rows(task: Task, way: Way, most: int) -> Beginning:
     """The beginning of the same, up to the link where `most` rows are solved. Raises Dependent."""
     w = symbols_for(task.names)
-    return beginning(way.tree, way.rows, way.speeds, w, task.sampled, task.sizes, most)
+    coefficients_at = Coefficients(way.tree, task.sampled, task.sizes)
+    return beginning(way.tree, way.rows, way.speeds, w, coefficients_at, way.short, most)
 
 
 def _of_the_system(

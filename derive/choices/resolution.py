@@ -294,8 +294,13 @@ def _by_their_first_rows(task: Task, ways: Sequence[Way]) -> list[Way]:
             begun[k] = first_rows(task, way, TELLING)
         except Dependent:
             continue  # the whole of it will say why
-    counts = dict(zip(begun, alternatives([x.v for x in begun.values()])))
-    preferred = sorted(begun, key=lambda k: (begun[k].varying, counts[k]))
+    counts = dict(zip(begun, alternatives([x.taken for x in begun.values()])))
+    solved = {k: max(1, x.solved) for k, x in begun.items()}  # one way may get farther in one step
+
+    def preference(k: int) -> tuple[float, float]:
+        return round(begun[k].varying / solved[k], 1), counts[k] / solved[k]
+
+    preferred = sorted(begun, key=preference)
     others = [k for k in range(len(ways)) if k not in begun]
     return [ways[k] for k in (*preferred, *others)]
 

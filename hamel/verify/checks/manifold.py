@@ -261,20 +261,23 @@ def pivots(e: Evidence) -> float | None:
     repeated = len(_kept(e)) < len(e.system.rows)
     if not e.graph.has("guards") or not guards or own or repeated:
         return None
-    ratios, growth = np.array([_ratio(e, s, len(guards)) for s in e.unvaried]).T
+    signs, sizes, growth = np.array([_ratio(e, s, len(guards)) for s in e.unvaried]).T
     if any(guard.name.count(", ") >= COFACTORS for guard in guards):
-        ratios = np.sign(ratios)
-    typical = np.median(ratios)
-    return worst((ratios - typical) / typical / growth)
+        sizes = np.zeros_like(sizes)
+    ratios = signs * np.exp(sizes - np.median(sizes))
+    return worst((ratios * np.sign(np.median(signs)) - 1) / growth)
 
 
-def _ratio(e: Evidence, s: Sample, count: int) -> tuple[float, float]:
-    """The product over the determinant, and how much roundoff may grow in them."""
+def _ratio(e: Evidence, s: Sample, count: int) -> tuple[float, float, float]:
+    """The product over the determinant, by its sign and the logarithm of its size, for of many
+    loops either is too large or too small for a number; and how much roundoff may grow in them."""
     x = e.graph("state", s.t, s.whole, s.u, s.p)
-    product = np.prod(np.ravel(e.graph("guards", s.t, x, s.u, s.p))[:count])
+    values = np.ravel(e.graph("guards", s.t, x, s.u, s.p))[:count]
     matrix = _divided_by(e, s, x)
-    condition = row_condition(matrix)
-    return float(product / np.linalg.det(matrix)), condition
+    sign, size = np.linalg.slogdet(matrix)
+    with np.errstate(divide="ignore"):  # a pivot that is zero shows in the size
+        product = float(np.sum(np.log(np.abs(values))))
+    return float(np.prod(np.sign(values)) * sign), product - float(size), row_condition(matrix)
 
 
 def _divided_by(e: Evidence, s: Sample, x: Array) -> Array:

@@ -150,6 +150,15 @@ def test_a_pivot_of_another_matrix_is_seen(case: str) -> None:
     assert red(spoilt) == {"product of pivots"}
 
 
+def test_determinants_too_small_for_a_number_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As those of many loops are."""
+    given, e = manifold._divided_by, seen("four_bar")
+    monkeypatch.setattr(manifold, "_divided_by", lambda *of: 1e-200 * given(*of))
+    found = manifold.pivots(e)
+    assert found is not None
+    assert found < 1e-12
+
+
 def test_the_sign_of_a_large_block_is_seen() -> None:
     """The delta robot solves six rows by reflections: what tells how near they are to singular is no
     determinant, and has its sign."""

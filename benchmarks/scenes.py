@@ -180,7 +180,7 @@ def chain(n: int) -> Iterator[Scene]:
     place = BUILD / f"models/chain{n}.yaml"
     place.parent.mkdir(parents=True, exist_ok=True)
     place.write_text(
-        growth.chain(n).replace("model: chain", f"model: chain{n}", 1)
+        growth.planar(n).replace("model: planar", f"model: chain{n}", 1)
     )  # each has files of its own
     model = load(place)
     rng = np.random.default_rng(1)

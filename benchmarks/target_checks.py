@@ -20,7 +20,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from growth import chain
+from growth import planar
 from rich.console import Console
 
 from codegen.emit import on_request
@@ -163,7 +163,7 @@ def rows(kind: Kind, wanted: Sequence[str]) -> Iterator[Row]:
         file = HOME / "models" / f"{kind.file}.yaml"
         if not kind.file:
             file = Path(base) / "chain.yaml"
-            file.write_text(chain(LINKS), "utf-8")
+            file.write_text(planar(LINKS), "utf-8")
         equations = equations_of(file, kind.choice)
         for trial in asked:
             yield from trial.run(equations)

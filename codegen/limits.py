@@ -26,11 +26,10 @@ NEAR_SCALE = 1.0 + 1e-12  # scales differ by rounding only up to this ratio, far
 MOST_GAIN = 0.6  # rescaling leaves at least this part of the multiplications (measured: 0.7)
 SCALE_SWEEPS = 4  # later ones have found nothing
 LONG_SCALES = 2_000  # graphs with more nodes than this are swept once
-LARGE_SCALES = 10_000  # graphs with more nodes than this keep the numbers of the derivation
 
 # ---- rounds of passes (operations of a function)
 
 MOST_ROUNDS = 4  # as long as a round of passes helps
 LONG_FUNCTION = 2_000  # from which one round has to do
-LONGEST_FUNCTION = 10_000  # from which factoring once has to do
+LONGEST_FUNCTION = 10_000  # from which only what comes of all passes is counted
 SHORT_FUNCTION = 1_000  # up to which operations are counted after every pass, not estimated

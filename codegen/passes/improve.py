@@ -23,7 +23,7 @@ from codegen.passes.graph import Call, Mark, Product, Sum, Work, same
 from codegen.passes.invert import invert
 from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.plain import plain
-from codegen.passes.scales import constants
+from codegen.passes.scales import Starts, starts
 from codegen.passes.share import share
 from codegen.passes.trace import Tape, trace
 from codegen.program import KINDS, Entry
@@ -59,16 +59,26 @@ class _Draft:
     def __init__(self, work: Work, loose: range, short: bool) -> None:
         self.work = work
         self._loose = loose
+        self._short = short
         self.total = self.candidate.total if short else self._estimate()
 
     @functools.cached_property
     def candidate(self) -> Candidate:
-        return _candidate(lower(self.work, self._loose), self.work.marks)
+        return _candidate(lower(self.work, self._loose, self._starts), self.work.marks)
+
+    @functools.cached_property
+    def _starts(self) -> Starts:
+        return starts(self.work, set(self._loose))
+
+    def after(self, apply: Callable[[Work], Work]) -> _Draft:
+        """With one pass more; itself where that changes nothing."""
+        changed = apply(self.work)
+        return self if same(changed, self.work) else _Draft(changed, self._loose, self._short)
 
     def _estimate(self) -> int:
         """With the constants of the better start."""
         own = sum(map(self._own, self.work.live))
-        return own + constants(self.work, set(self._loose))
+        return own + self._starts.constants
 
     def _own(self, node: int) -> int:
         inside = self.work.graph.nodes[node]
@@ -111,8 +121,8 @@ def improve(name: str, tape: Tape, loose: range) -> tuple[Candidate, list[Entry]
 def _rounds(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Draft]]:
     """The folded graph, then what each pass makes of it, for as long as a round helps."""
     short = operations <= SHORT_FUNCTION
-    if operations > LONGEST_FUNCTION:
-        yield "fold and factor", _Draft(factor(work), loose, short)
+    if operations > LONGEST_FUNCTION:  # what comes of all passes alone: one draft needs no estimate
+        yield "fold, factor and share", _Draft(share(factor(work)), loose, short=True)
         return
     draft = _Draft(work, loose, short)
     yield "fold", draft
@@ -121,10 +131,8 @@ def _rounds(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _D
     for _ in range(1 if operations > LONG_FUNCTION else MOST_ROUNDS):
         start = least
         for step, apply in PASSES:
-            changed = apply(draft.work)
-            if not same(changed, draft.work):
-                draft = _Draft(changed, loose, short)
-                least = min(least, draft.total)
+            draft = draft.after(apply)
+            least = min(least, draft.total)
             yield step, draft
         if least == start:
             return

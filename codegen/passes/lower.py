@@ -26,7 +26,7 @@ from codegen.passes.graph import (
     power,
     snapped,
 )
-from codegen.passes.scales import missing_size, scales
+from codegen.passes.scales import Starts, missing_size, scales, starts
 from derive.diagnostics import AssumptionError
 
 Operand = int | float  # the index of an operation, or a constant
@@ -60,11 +60,14 @@ class Code:
 
     def put(self, name: str, *operands: Operand) -> int:
         """The index of an operation, appended when it is new."""
-        if name in ("add", "mul") and _comes_after(*operands):
-            operands = operands[::-1]
         inner = tuple([operand for operand in operands if isinstance(operand, int)])
+        values = len(inner) == len(operands)
+        if name in ("add", "mul") and (
+            operands[0] > operands[1] if values else _comes_after(*operands)
+        ):
+            operands, inner = operands[::-1], inner[::-1]
         key = (name, operands)
-        if len(inner) < len(operands):  # Python takes operation 2 and the number 2.0 for the same
+        if not values:  # Python takes operation 2 and the number 2.0 for the same
             key = (name, operands, *map(type, operands))
         place = self._places.get(key)
         if place is None:
@@ -110,16 +113,17 @@ class Lowered:
         return tuple(self.code.reachable(self.roots))
 
 
-def lower(work: Work, loose: Sequence[int] = ()) -> Lowered:
+def lower(work: Work, loose: Sequence[int] = (), known: Starts | None = None) -> Lowered:
     """Operations for all roots; the roots numbered in `loose` may come out times a constant (they
     are only compared).
 
     Every value is computed as scale · node; a user that needs factor · node multiplies by factor /
-    scale, or not at all where the two are equal. Raises AssumptionError where constants multiply to
+    scale, or not at all where the two are equal. `known` are the starts for the scales, where they
+    were looked at before. Raises AssumptionError where constants multiply to
     zero or infinity.
     """
     nodes = work.live
-    factors = scales(work, nodes, set(loose))
+    factors = scales(known or starts(work, set(loose)))
     maker = _Maker(work.graph, factors)
     for node in nodes:
         maker.make(node)

@@ -102,7 +102,7 @@ def _alike(shapes: np.ndarray) -> list[tuple[int, int, int]]:
             here[:] = True
             found.append((start, length, count))
             continue
-        for first, last in _stretches(~here):
+        for first, last in _stretches(~here).tolist():
             rest = (last - first) // length
             if rest >= FEWEST:
                 heappush(waiting, (-length * rest, length, start + first, rest))
@@ -111,16 +111,16 @@ def _alike(shapes: np.ndarray) -> list[tuple[int, int, int]]:
 
 def _runs(shapes: np.ndarray, length: int) -> Iterator[tuple[int, int]]:
     """First statement and number of blocks of that length, each like the one before."""
-    for first, last in _stretches(shapes[length:] == shapes[:-length]):
-        count = (last - first) // length + 1
-        if count >= FEWEST:
-            yield first, count
+    stretches = _stretches(shapes[length:] == shapes[:-length])
+    counts = (stretches[:, 1] - stretches[:, 0]) // length + 1
+    enough = counts >= FEWEST  # most are short
+    yield from zip(stretches[enough, 0].tolist(), counts[enough].tolist())
 
 
-def _stretches(holds: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Where it holds without a gap: first, and behind the last."""
+def _stretches(holds: np.ndarray) -> np.ndarray:
+    """Where it holds without a gap, one a row: first, and behind the last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], holds.astype(np.int8), [0]])))
-    yield from zip(map(int, edges[::2]), map(int, edges[1::2]))
+    return edges.reshape(-1, 2)
 
 
 def _shift(run: Sequence[Statement], length: int) -> int:

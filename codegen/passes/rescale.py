@@ -115,7 +115,9 @@ class Balance:
         self.uses: dict[int, _Uses] = {}  # by node, where there are any
         # by node: its multiples that are needed, and by how many
         self.needed: dict[int, dict[float, int]] = {node: {} for node in structure.nodes}
-        for node in structure.nodes:
+        # what is neither made of others nor wanted has no multiplications
+        wanted = [node for node in structure.wants if node != ONE]
+        for node in dict.fromkeys([*structure.order, *wanted]):
             self._renew(node)
             if node in self.uses:
                 self._count(self.uses[node].multiples)
@@ -133,7 +135,7 @@ class Balance:
         for sweep in range(self.sweeps):
             stirred: set[int] = set()
             for node in order if sweep % 2 else reversed(order):
-                if node in due and self._improve(node):
+                if node in due and self._improve(node) and sweep + 1 < self.sweeps:
                     stirred |= self._neighbours(node)
             due = stirred
             if not due:

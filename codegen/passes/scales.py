@@ -9,13 +9,13 @@ that saves a multiplication; the better end is taken.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
-from codegen.limits import LARGE_SCALES, LONG_SCALES, MOST_GAIN, WIDE_SCALE
+from codegen.limits import LONG_SCALES, MOST_GAIN, WIDE_SCALE
 from codegen.passes.graph import ONE, Call, Graph, Product, Sum, Work, snapped, uses
 from codegen.passes.rescale import (
     Balance,
     Factors,
-    Structure,
     free_scale,
     is_modest,
     ratio,
@@ -25,44 +25,50 @@ from codegen.passes.rescale import (
 _ONLY = frozenset({1.0})
 
 
-def scales(work: Work, nodes: Sequence[int], loose: set[int]) -> dict[int, float]:
-    """For every live node the multiple of it to compute.
+@dataclass(frozen=True)
+class Starts:
+    """The two starts for one graph; `first` has the signs that the users ask for."""
 
-    The value that is computed is scale · node; a use of it with a factor costs a multiplication
-    unless factor / scale is ±1. `loose` numbers the roots whose constant does not matter. Where
-    there are too many nodes to search, the numbers of the derivation are taken.
-    """
-    if len(nodes) > LARGE_SCALES:
-        return _from_origin(work, nodes)
-    wants = _wants(work, nodes, loose)
-    first = _from_users(work, nodes, wants)
-    structure = structure_of(work.graph, nodes, wants)
-    best = _best_start(structure, first, _from_origin(work, nodes))
-    return {node: _signed(best.scales[node], first[node]) for node in structure.order}
+    first: dict[int, float]
+    users: Balance
+    origin: Balance
+
+    @property
+    def constants(self) -> int:
+        """How many multiplications by constants the better start needs."""
+        return min(self.users.total(), self.origin.total())
 
 
-def constants(work: Work, loose: set[int]) -> int:
-    """How many multiplications by constants the better start needs."""
+def starts(work: Work, loose: set[int]) -> Starts:
+    """`loose` numbers the roots whose constant does not matter."""
     nodes = work.live
     wants = _wants(work, nodes, loose)
     structure = structure_of(work.graph, nodes, wants)
-    origin = Balance(structure, _from_origin(work, nodes)).total()
-    if len(nodes) > LARGE_SCALES:
-        return origin
-    return min(origin, Balance(structure, _from_users(work, nodes, wants)).total())
+    first = _from_users(work, nodes, wants)
+    return Starts(first, Balance(structure, first), Balance(structure, _from_origin(work, nodes)))
 
 
-def _best_start(structure: Structure, users: dict[int, float], origin: dict[int, float]) -> Balance:
+def scales(known: Starts) -> dict[int, float]:
+    """For every live sum and product the multiple of it to compute; `known` is settled by that.
+
+    The value that is computed is scale · node; a use of it with a factor costs a multiplication
+    unless factor / scale is ±1.
+    """
+    best = _settled(known)
+    return {node: _signed(best.scales[node], known.first[node]) for node in best.structure.order}
+
+
+def _settled(known: Starts) -> Balance:
     """The start that begins better is settled; the other one where it may still end better."""
-    starts = Balance(structure, users), Balance(structure, origin)
-    first, second = sorted(starts, key=Balance.total)
+    both = known.users, known.origin
+    first, second = sorted(both, key=Balance.total)
     first.settle()
     # it can end with MOST_GAIN of what it has at best; in a large graph, where settling takes long,
     # it has to be the better one as it stands
-    gain = 1.0 if len(structure.nodes) > LONG_SCALES else MOST_GAIN
+    gain = 1.0 if len(first.structure.nodes) > LONG_SCALES else MOST_GAIN
     if gain * second.total() < first.total():
         second.settle()
-    return min(starts, key=Balance.total)
+    return min(both, key=Balance.total)
 
 
 def _signed(size: float, like: float) -> float:

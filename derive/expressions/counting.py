@@ -38,6 +38,8 @@ def instructions(result: ca.SX) -> int:
 def alternatives(results: Sequence[ca.SX]) -> list[int]:
     """Distinct counted operations that each result needs by itself; what they have in common is
     looked at once. Equal subexpressions count once, also where a + b stands as b + a."""
+    if not results:  # CasADi makes no function without results
+        return []
     values, users = _numbered(results)
     shares: dict[int, int] = {}  # by who uses them, one bit per result: how many counted values
     for number in reversed(range(len(values))):

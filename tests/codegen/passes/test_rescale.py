@@ -12,7 +12,7 @@ from codegen.limits import CLOSE
 from codegen.passes.graph import Work, snapped
 from codegen.passes.pipeline import _roots
 from codegen.passes.rescale import Balance
-from codegen.passes.scales import scales
+from codegen.passes.scales import scales, starts
 from codegen.passes.trace import record, trace
 from derive.formulations import equations
 from derive.model import load
@@ -34,14 +34,14 @@ def test_trials_that_are_left_out_would_have_changed_nothing(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every candidate tried, and those with more votes than the present scale alone."""
-    few = [scales(work, work.live, set()) for work in works(name)]
+    few = [scales(starts(work, set())) for work in works(name)]
     trials: list[float] = []
     monkeypatch.setattr(Balance, "_promising", lambda *_: [(0.0, math.inf)])
     counted = Balance._cost
     monkeypatch.setattr(
         Balance, "_cost", lambda self, *rest: trials.append(rest[1]) or counted(self, *rest)
     )
-    assert [scales(work, work.live, set()) for work in works(name)] == few
+    assert [scales(starts(work, set())) for work in works(name)] == few
     assert trials
 
 
@@ -57,7 +57,7 @@ def test_multiples_are_counted_as_when_counted_anew() -> None:
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(Balance, "settle", kept)
-            scales(work, work.live, set())
+            scales(starts(work, set()))
     assert settled
     for balance in settled:
         anew = Balance(balance.structure, balance.scales)

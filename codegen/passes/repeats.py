@@ -51,8 +51,8 @@ def stages(sections: Sequence[Section], inputs: Mapping[str, str]) -> list[Stage
 
 
 def _paired(section: Section) -> Section:
-    """Sine and cosine of an angle next to each other: they are computed at once, and in blocks apart
-    they would be computed twice."""
+    """Sine and cosine of an angle next to each other: they are computed at once, and in blocks
+    apart they would be computed twice."""
     waiting: dict[Expression | None, list[Statement]] = {}
     for statement in section.statements:
         waiting.setdefault(_angle(statement), []).append(statement)
@@ -66,8 +66,7 @@ def _paired(section: Section) -> Section:
 def _angle(statement: Statement) -> Expression | None:
     """Of a sine or a cosine."""
     value = statement.value
-    turn = isinstance(value, tuple) and value[0] in ("sin", "cos")
-    return value[1] if turn else None
+    return value[1] if isinstance(value, tuple) and value[0] in ("sin", "cos") else None
 
 
 def _of_section(section: Section, inputs: Mapping[str, str]) -> Iterator[Stage]:

@@ -26,7 +26,7 @@ from codegen.passes.split import Part, split
 from codegen.passes.tables import Column, Repeat
 from codegen.program import Program
 from codegen.targets.repeated import SHORT, again
-from codegen.targets.turns import is_turn
+from codegen.targets.turns import angles_of
 from derive.formulations import equations
 from derive.mechanics.records import System
 from derive.model import load_text
@@ -102,11 +102,11 @@ def test_sums_over_very_many_loops_have_lanes(row: tuple[System, Program]) -> No
 
 
 def test_sine_and_cosine_of_an_angle_are_computed_once(row: tuple[System, Program]) -> None:
+    """They are in the same block, wherever both are read."""
     for part in split(row[1].kernel("dynamics")).parts:
         for section in part.sections:
-            turns = [s.value[1] for s in section.statements if is_turn(s)]
-            both = {s.value[1] for s in section.statements if is_turn(s) and s.value[0] == "sin"}
-            assert all(turns.count(angle) == 2 for angle in both)
+            for pair in angles_of(section).values():
+                assert "sin" not in pair or "cos" in pair
 
 
 def test_what_is_finite_is_looked_at_in_loops(row: tuple[System, Program]) -> None:

@@ -16,14 +16,15 @@ PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
     "and", "or", "not", "where", "copysign", "fmin", "fmax",
 })  # fmt: skip
-# statements, inputs and outputs together: longer loops over lanes take compilers too long
-WIDEST = 1_500
-# Numbers that functions of loops over links take on the stack, all lanes together: 3.2 MB. Long
-# mechanisms go in fewer lanes, and alone where not even two have room.
-MOST_ROLLED = 400_000
+# statements, inputs and outputs together: longer loops over lanes take compilers too long. What is
+# left of code that comes again and again is in parts, as are functions that are asked for by name.
+WIDEST, LONGEST = 1_500, 12_000
+# Numbers that functions of loops over links take on the stack, all lanes together: 3.2 MB. What is
+# longer has a place of its own for each thread, of 12.8 MB, which a third cache still holds; beyond
+# them mechanisms go in fewer lanes, and alone where not even two have room.
+MOST_ROLLED, MOST_APART = 400_000, 1_600_000
 FEWEST = 2
 SHORT = 120  # operations of dynamics, those of sines and cosines besides
-LONGEST = 12_000  # of functions that are asked for by name, in parts
 
 
 def is_batched(kernel: Kernel) -> bool:
@@ -34,12 +35,22 @@ def is_batched(kernel: Kernel) -> bool:
 
 
 def most_lanes(program: Program) -> int:
-    """As many lanes as have room on the stack, a power of two; 16 where there is room for all."""
+    """As many lanes as have room in a place of their own, a power of two; 16 where there is room
+    for all."""
+    return _lanes_within(program, MOST_APART)
+
+
+def stack_lanes(program: Program) -> int:
+    """As many as have room on the stack."""
+    return _lanes_within(program, MOST_ROLLED)
+
+
+def _lanes_within(program: Program, most: int) -> int:
     rolled = [k for k in program.kernels if k.rolled and (is_batched(k) or k.name in STEPPED)]
     rolled += [k for k in program.kernels if k.repeats and is_batched(k)]
     numbers = max((_numbers(kernel) for kernel in rolled), default=1)
     lanes = 16
-    while lanes * numbers > MOST_ROLLED:
+    while lanes > 1 and lanes * numbers > most:
         lanes //= 2
     return lanes
 
@@ -115,17 +126,25 @@ def does_work(program: Program) -> bool:
 def _is_straight(kernel: Kernel) -> bool:
     if kernel.rolled:
         bodies = values_of(kernel.rolled)
-        short = FEWEST * _numbers(kernel) <= MOST_ROLLED
+        short = FEWEST * _numbers(kernel) <= MOST_APART
         return short and all(is_plain(value, PLAIN - {"sin", "cos"}) for value in bodies)
-    values = [s.value for section in kernel.sections for s in section.statements]
-    values += [*kernel.outputs, *(guard.value for guard in kernel.guards)]
-    size = len(kernel.x.names) + len(values)
+    if is_wide(kernel) or (kernel.repeats and FEWEST * _numbers(kernel) > MOST_APART):
+        return False
+    return all(is_plain(value, PLAIN) for value in _values(kernel))
+
+
+def is_wide(kernel: Kernel) -> bool:
+    """Is it too long for lanes as it is written?"""
     if kernel.repeats:
-        size = kernel.repeats.statements
-        if FEWEST * _numbers(kernel) > MOST_ROLLED:
-            return False
+        return kernel.repeats.statements > LONGEST
     most = LONGEST if kernel.name in BATCHED[1:] else WIDEST
-    return size <= most and all(is_plain(value, PLAIN) for value in values)
+    return len(kernel.x.names) + len(_values(kernel)) > most
+
+
+def _values(kernel: Kernel) -> list[Expression]:
+    """All expressions of straight-line code."""
+    values = [s.value for section in kernel.sections for s in section.statements]
+    return [*values, *kernel.outputs, *(guard.value for guard in kernel.guards)]
 
 
 def values_of(of: Rolled) -> list[Expression]:

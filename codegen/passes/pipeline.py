@@ -13,7 +13,7 @@ from codegen.passes.graph import Mark
 from codegen.passes.hoist import hoist
 from codegen.passes.improve import Candidate, count, improve, used_operations
 from codegen.passes.initial import initial
-from codegen.passes.lanes import BATCHED
+from codegen.passes.lanes import BATCHED, DYNAMICS, is_wide
 from codegen.passes.lower import Lowered
 from codegen.passes.names import Names, identifier
 from codegen.passes.roll import AUTO, FROM, NEVER, refusal, rolled
@@ -59,7 +59,8 @@ from derive.formulations.records import Equations, Function
 from derive.model.memory import without_collections
 
 # Statements from which those that come again are written once, where they are so large a part of
-# them. Up to there lanes exist of straight code, too, which takes a tenth less time for one state.
+# them. Straight code takes a tenth less time for one state, but dynamics have no lanes where it is
+# too wide for them: there, too, they are written once.
 MANY, WORTH = 1_500, 0.5
 
 
@@ -286,7 +287,8 @@ def _repeating(kernel: Kernel) -> tuple[Kernel, str]:
     """A long function whose statements come again and again as one body for each kind of them, and
     how much of it that is."""
     total = sum(len(section.statements) for section in kernel.sections)
-    if kernel.solving or total < MANY:
+    wide = kernel.name == DYNAMICS and is_wide(kernel)
+    if kernel.solving or (total < MANY and not wide):
         return kernel, ""
     parts = split(replace(kernel, repeats=Repeats(0, 0)))
     bodies = [len(part.repeat.makes[0]) for part in parts.parts if part.repeat]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from heapq import heapify, heappop, heappush
 from itertools import groupby
 
@@ -46,7 +46,27 @@ Stage = Section | Stretch
 def stages(sections: Sequence[Section], inputs: Mapping[str, str]) -> list[Stage]:
     """The sections in their order, cut where a stretch of blocks begins or ends. `inputs` says
     which argument an input is an entry of."""
-    return [stage for section in sections for stage in _of_section(section, inputs)]
+    paired = (_paired(section) if section.title == TURNS else section for section in sections)
+    return [stage for section in paired for stage in _of_section(section, inputs)]
+
+
+def _paired(section: Section) -> Section:
+    """Sine and cosine of an angle next to each other: they are computed at once, and in blocks
+    apart they would be computed twice."""
+    waiting: dict[Expression | None, list[Statement]] = {}
+    for statement in section.statements:
+        waiting.setdefault(_angle(statement), []).append(statement)
+    ordered: list[Statement] = []
+    for statement in section.statements:
+        angle = _angle(statement)
+        ordered += [statement] if angle is None else waiting.pop(angle, [])
+    return replace(section, statements=tuple(ordered))
+
+
+def _angle(statement: Statement) -> Expression | None:
+    """Of a sine or a cosine."""
+    value = statement.value
+    return value[1] if isinstance(value, tuple) and value[0] in ("sin", "cos") else None
 
 
 def _of_section(section: Section, inputs: Mapping[str, str]) -> Iterator[Stage]:

@@ -26,6 +26,7 @@ from codegen.passes.lanes import (
     is_batched,
     most_lanes,
     side_by_side,
+    stack_lanes,
 )
 from codegen.passes.split import Part, names, split
 from codegen.program import (
@@ -54,6 +55,7 @@ from codegen.targets.records import Target
 from codegen.targets.turns import Step, angles_of, fresh, is_turn
 
 _CALL = re.compile(r"_sincos\((.*), &\w+, &\w+\);$")  # of a sine with its cosine in lanes
+WIDEST = 512  # bits of a vector
 FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512bw", "avx512vl")
 
 
@@ -88,7 +90,9 @@ def files(program: Program) -> dict[str, str]:
         _beside(program, kernel) for kernel in side_by_side(program) if not is_batched(kernel)
     ]
     short = [body for body in bodies if len(body.pieces) == 1 and not _is_apart(body)]
-    data |= {"previous": PREVIOUS, "base": BASE}
+    widest = WIDEST // program.real.bits
+    stack = stack_lanes(program)
+    data |= {"previous": PREVIOUS, "base": BASE, "stack": stack, "far": stack < widest}
     long = {
         f"{program.name}_{body.kernel.name}.c": text.render("long.c.j2", bodies=[body], **data)
         for body in bodies

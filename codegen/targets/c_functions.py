@@ -88,7 +88,8 @@ class Body:
     zeros: bool = False  # are results set to zero by fours?
     constants: int = 0  # length of c, where it takes precomputed constants
     rolled: Text | None = None  # loops in the place of pieces
-    finite: tuple[tuple[str, str, int], ...] = ()  # arrays that are looked at: name, array, length
+    # arrays that are looked at in loops: name, array, length
+    finite: tuple[tuple[str, str, int], ...] = ()
     given: Given | None = None  # results that are looked at when they leave the lanes
     joined: bool = False  # are its pieces put together again?
     columns: Columns | None = None  # what is solved for after its pieces
@@ -177,6 +178,7 @@ def body_of(program: Program, kernel: Kernel, style: Style) -> Body:
         zeros=any("_zeros(" in line for piece in pieces for line in piece.lines),
         given=given,
         columns=_columns(kernel.solving) if kernel.solving else None,
+        finite=_looped(program, kernel) if style is SIDE_BY_SIDE else (),
         joined=sum(len(section.statements) for section in kernel.sections) <= JOINED,
     )
 
@@ -447,6 +449,8 @@ def _stray(program: Program, kernel: Kernel, style: Style) -> str:
     watched = ["t" if name == "t" else style.entry.format(name, i) for name, i in kernel.watched]
     looked_at = () if style is SIDE_BY_SIDE and _given(kernel) else kernel.results
     results = [style.entry.format("out", i) for i in looked_at]
+    if style is SIDE_BY_SIDE and kernel.repeats:
+        return "0.0"  # looked at in loops
     if len(watched) + len(results) <= FEW or style is SIDE_BY_SIDE:
         return _added([f"0.0 * {value}" for value in (*watched, *results)])
     sizes = {argument.name: len(argument.names) for argument in program.arguments} | {
@@ -462,6 +466,17 @@ def _stray(program: Program, kernel: Kernel, style: Style) -> str:
         for first, count in _stretches(kernel.results, APART)
     ]
     return " + ".join(calls) or "0.0"
+
+
+def _looped(program: Program, kernel: Kernel) -> tuple[tuple[str, str, int], ...]:
+    """What is looked at in loops over lanes, where there are too many for one expression."""
+    if not kernel.repeats:
+        return ()
+    sizes = {a.name: len(a.names) for a in program.arguments} | {"x": len(kernel.x.names)}
+    watched = dict.fromkeys(name for name, _ in kernel.watched)
+    arguments = ((name, name, sizes[name]) for name in watched)
+    results = () if _given(kernel) else _stretches(kernel.results, APART)
+    return (*arguments, *(("out", f"out + {first} * LANES", count) for first, count in results))
 
 
 def _added(terms: Sequence[str]) -> str:

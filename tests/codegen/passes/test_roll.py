@@ -136,15 +136,34 @@ def test_long_mechanisms_go_in_fewer_lanes(tmp_path: Path, monkeypatch: pytest.M
     assert most_lanes(made) == 16
     numbers = loops(made).workspace + 3 * 14 - 7
     for lanes, found in ((9, 8), (5, 4), (2, 2)):
-        monkeypatch.setattr(passes.lanes, "MOST_ROLLED", lanes * numbers)
+        monkeypatch.setattr(passes.lanes, "MOST_APART", lanes * numbers)
         assert most_lanes(made) == found and is_batched(made.kernel("dynamics"))
     module = loader.load(published(made, tmp_path / "two").folder)
     assert "LANES = 2 }" in (tmp_path / "two" / f"{made.name}_lanes.h").read_text()
     x, u, p = states(made, 9)
     alone = np.array([module.dynamics(0.3, *row) for row in zip(x, u, p)])
     assert np.abs(module.dynamics(0.3, x, u, p) - alone).max() <= CLOSE * np.abs(alone).max()
-    monkeypatch.setattr(passes.lanes, "MOST_ROLLED", numbers)
+    monkeypatch.setattr(passes.lanes, "MOST_APART", numbers)
     assert not is_batched(made.kernel("dynamics"))
+
+
+def test_what_is_too_long_for_the_stack_has_a_place_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As many lanes as before; compilers that know of no such place take fewer."""
+    made = program(derived(tmp_path, chain(7)), FUNCTIONS, roll="always")
+    assert not any("FAR " in text for name, text in emit(made).items() if "_batch" in name)
+    numbers = loops(made).workspace + 3 * 14 - 7
+    monkeypatch.setattr(passes.lanes, "MOST_ROLLED", 2 * numbers)
+    texts = emit(made)
+    places = re.findall("FAR ALIGNED double (work|lanes_x)", texts[f"{made.name}_batch.c"])
+    assert {*places} == {"work", "lanes_x"}
+    room = re.findall(r"LANES = (\d)", texts[f"{made.name}_lanes.h"])
+    assert room == ["2", "8", "4"]
+    module = loader.load(published(made, tmp_path / "apart").folder)
+    x, u, p = states(made, 9)
+    alone = np.array([module.dynamics(0.3, *row) for row in zip(x, u, p)])
+    assert np.abs(module.dynamics(0.3, x, u, p) - alone).max() <= CLOSE * np.abs(alone).max()
 
 
 def code_without_tables(made: Program) -> str:

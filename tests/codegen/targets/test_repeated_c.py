@@ -21,11 +21,12 @@ import pytest
 from codegen import compiler
 from codegen.emit import emit
 from codegen.passes import program
-from codegen.passes.lanes import is_batched
-from codegen.passes.split import Part
+from codegen.passes.lanes import LONGEST, is_batched
+from codegen.passes.split import Part, split
 from codegen.passes.tables import Column, Repeat
 from codegen.program import Program
 from codegen.targets.repeated import SHORT, again
+from codegen.targets.turns import angles_of
 from derive.formulations import equations
 from derive.mechanics.records import System
 from derive.model import load_text
@@ -81,6 +82,38 @@ def test_bodies_are_what_is_left_to_compile(row: tuple[System, Program]) -> None
     assert not is_batched(replace(kernel, repeats=None))  # too long for lanes as it was
     written_out = program(equations(of), ("dynamics",), roll="never")
     assert written_out.kernel("dynamics") == replace(kernel, repeats=None)
+
+
+@pytest.mark.parametrize("n", [45, 50, 52, 56])
+def test_rows_of_every_length_have_lanes(n: int) -> None:
+    """What is too wide for lanes as it is written out is written once, however short it is."""
+    made = program(equations(system(load_text(four_bars(n)), "all")), ("dynamics",))
+    assert is_batched(made.kernel("dynamics"))
+    assert "void four_bars_dynamics_lanes(" in emit(made)["four_bars_batch.c"]
+
+
+def test_sums_over_very_many_loops_have_lanes(row: tuple[System, Program]) -> None:
+    """Of a thousand loops two thousand statements are left, in parts."""
+    kernel = row[1].kernel("dynamics")
+    assert kernel.repeats is not None
+    for left, lanes in ((2_000, True), (LONGEST, True), (LONGEST + 1, False)):
+        some = replace(kernel, repeats=replace(kernel.repeats, statements=left))
+        assert is_batched(some) == lanes
+
+
+def test_sine_and_cosine_of_an_angle_are_computed_once(row: tuple[System, Program]) -> None:
+    """They are in the same block, wherever both are read."""
+    for part in split(row[1].kernel("dynamics")).parts:
+        for section in part.sections:
+            for pair in angles_of(section).values():
+                assert "sin" not in pair or "cos" in pair
+
+
+def test_what_is_finite_is_looked_at_in_loops(row: tuple[System, Program]) -> None:
+    """An expression of all results takes compilers long."""
+    text = emit(row[1])["four_bars_batch.c"]
+    assert f"    look({2 * N + 1}, out + 1 * LANES, stray);\n" in text
+    assert max(map(len, text.splitlines())) < 1_000
 
 
 def test_the_compiler_has_no_warning(

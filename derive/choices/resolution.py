@@ -24,6 +24,7 @@ from derive.choices.limits import (
     MOST_SUBSETS,
     NAMED,
     REGULAR,
+    ROUNDOFF,
     SETTLED,
     TELLING,
     TRIED,
@@ -104,14 +105,9 @@ def _declared(survey: Survey, choice: Choice) -> Resolved:
             f"but the system has {_counted(survey.freedom, 'degree')} of freedom",
             f"{survey.freedom} independent rows",
         )
+    reason = "the model declares it" if choice.span.line else "it was asked for by name"
     try:
-        return carried_out(
-            survey,
-            choice.name,
-            "rows",
-            rows,
-            "the model declares it" if choice.span.line else "it was asked for by name",
-        )
+        return carried_out(survey, choice.name, "rows", rows, reason)
     except Dependent as problem:
         raise _refused(
             survey.system,
@@ -218,7 +214,8 @@ def _settled(
 def carried_out(
     survey: Survey, name: str, kind: str, rows: Sequence[RowForm], reason: str
 ) -> Resolved:
-    """The elimination in every way of writing the constraint blocks; see `_least`."""
+    """The elimination in every way of writing the constraint blocks; see `_least`. Raises Dependent
+    where a speed depends on the constraints and the others, to rounding: no digit is left."""
     names = tuple(row.name for row in rows)
     if not survey.system.rows and _are_the_base(rows):
         reduction = unreduced(survey.system, names)
@@ -232,6 +229,8 @@ def carried_out(
     task = Task(names, B, survey.kept, survey.sampled_for(B), sizes)
     reduction, equations = _least(survey, task, rows)
     ranking = judged(survey, name, kind, names, reduction, equations)
+    if not ranking.condition < 1 / ROUNDOFF:
+        raise Dependent(names[-1])
     return Resolved(ranking, reduction, equations, reason)
 
 

@@ -167,17 +167,17 @@ class Squares:
 
     def extremes(self, matrices: Sparse) -> tuple[np.ndarray, np.ndarray]:
         """The least and the largest singular value at each state, each (k,), by iterated powers: of
-        the inverse for the least."""
+        the inverse for the least, which is |Jᵀ y| of what they come to, for ε is in the inverse."""
         k, m, _ = matrices.shape
         start = np.random.default_rng(0).normal(size=(1, m)) * np.ones((k, 1))
         least = largest = start / np.linalg.norm(start, axis=1, keepdims=True)
-        below, above = np.zeros(k), np.zeros(k)
+        above = np.zeros(k)
         for _ in range(POWERS):
             inverse, power = self.solution(matrices, least), _squared(matrices, largest)
-            below, above = np.linalg.norm(inverse, axis=1), np.linalg.norm(power, axis=1)
-            least = inverse / np.maximum(below, NONZERO)[:, None]
+            above = np.linalg.norm(power, axis=1)
+            least = inverse / np.maximum(np.linalg.norm(inverse, axis=1), NONZERO)[:, None]
             largest = power / np.maximum(above, NONZERO)[:, None]
-        return 1 / np.sqrt(np.maximum(below, NONZERO)), np.sqrt(above)
+        return np.linalg.norm(matrices.transposed(least), axis=1), np.sqrt(above)
 
     def small(self, matrices: Sparse) -> np.ndarray:
         """ε at each state, (k,)."""

@@ -21,6 +21,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from derive.choices import orthonormal, resolution
+from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
 from derive.formulations import equations
 from derive.mechanics.gaps import gap
@@ -190,3 +191,12 @@ def test_constants_of_a_gap_are_taken_together() -> None:
     np.testing.assert_allclose(np.array(value(*given)), np.array(plain(*given)), atol=1e-14)
     assert value.n_instructions() <= plain.n_instructions()
     assert ca.is_equal(gap([l * ca.cos(a)], [2 * l + b], l)[0], 2 * l + b - l * ca.cos(a), 3)
+
+
+@pytest.mark.parametrize("loops", [2, 45])
+def test_a_speed_that_every_motion_has_as_zero_is_refused_by_name(loops: int) -> None:
+    """The rods turn alike: the difference of two is a row that says nothing, told by rounding."""
+    text = four_bars(loops).replace("crank: [der(a0)]", 'crank: ["der(a0) - der(a1)"]')
+    s = system(load_text(text))
+    with pytest.raises(AssumptionError, match=r"'crank'.*'w1' depends on the constraints"):
+        equations(s, "crank")

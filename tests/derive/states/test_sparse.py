@@ -52,6 +52,8 @@ def test_singular_values_are_those_of_the_full_matrices() -> None:
     least, largest = squares(J.pattern).extremes(J)
     np.testing.assert_allclose(least, values[:, -1], rtol=1e-2)
     np.testing.assert_allclose(largest, values[:, 0], rtol=1e-2)
+    twice = stacked(J, J.of_rows([2]))  # squares alone would say 1e-7
+    assert np.all(squares(twice.pattern).extremes(twice)[0] < 1e-12 * values[:, 0])
     strength = squares(J.pattern).strength(J)
     np.testing.assert_allclose(strength, np.sum(values**-2, axis=1) ** -0.5, rtol=1e-9)
 

@@ -128,7 +128,7 @@ def contender(
         f"hamel, {kind}",
         library,
         np.hstack([x, of.states.u]),
-        len(kernel.outputs),
+        kernel.size,
         read=read,
         turn=of_turn(turning),
     )

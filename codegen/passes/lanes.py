@@ -17,7 +17,7 @@ PLAIN = frozenset({
     "and", "or", "not", "where", "copysign", "fmin", "fmax",
 })  # fmt: skip
 # statements, inputs and outputs together: longer loops over lanes take compilers too long. What is
-# left of code that comes again and again is in parts, as are functions that are asked for by name.
+# asked for by name is in parts. Of code that comes again what is left counts.
 WIDEST, LONGEST = 1_500, 12_000
 # Numbers that functions of loops over links take on the stack, all lanes together: 3.2 MB. What is
 # longer has a place of its own for each thread, of 12.8 MB, which a third cache still holds; beyond
@@ -135,9 +135,9 @@ def _is_straight(kernel: Kernel) -> bool:
 
 def is_wide(kernel: Kernel) -> bool:
     """Is it too long for lanes as it is written?"""
-    if kernel.repeats:
-        return kernel.repeats.statements > LONGEST
     most = LONGEST if kernel.name in BATCHED[1:] else WIDEST
+    if kernel.repeats:
+        return kernel.repeats.statements > most
     return len(kernel.x.names) + len(_values(kernel)) > most
 
 

@@ -45,8 +45,18 @@ C = Language(
     "INFINITY",
     "NAN",
 )  # fmt: skip
-# In loops over lanes: fmin and fmax of C are calls there.
-LANES = replace(C, calls={**C.calls, "fmin": "SMALLER({0}, {1})", "fmax": "LARGER({0}, {1})"})
+# In loops over lanes: fmin and fmax of C are calls there, and where the result of a comparison is an
+# integer that more is done with, gcc takes half as many lanes, or one.
+LANES = replace(
+    C,
+    calls={
+        **C.calls,
+        "fmin": "SMALLER({0}, {1})", "fmax": "LARGER({0}, {1})",
+        "sign": "(({0} > 0 ? 1.0 : 0.0) - ({0} < 0 ? 1.0 : 0.0))",
+        "and": "(({0} != 0 ? 1.0 : 0.0) * ({1} != 0 ? 1.0 : 0.0))",
+        "or": "({0} != 0 ? 1.0 : {1} != 0 ? 1.0 : 0.0)",
+    },
+)  # fmt: skip
 NUMPY = Language(
     {
         **{name: f"np.{name}({{0}})" for name in

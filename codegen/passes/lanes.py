@@ -16,6 +16,10 @@ PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
     "and", "or", "not", "where", "copysign", "fmin", "fmax",
 })  # fmt: skip
+# Of the C library, and written anew without branches where they stand in lanes.
+LIBRARY = frozenset({
+    "exp", "expm1", "log", "log1p", "tanh", "sinh", "cosh", "atan", "atan2", "asin", "acos",
+})  # fmt: skip
 # statements, inputs and outputs together: longer loops over lanes take compilers too long. What is
 # asked for by name is in parts. Of code that comes again what is left counts.
 WIDEST, LONGEST = 1_500, 12_000
@@ -130,7 +134,7 @@ def _is_straight(kernel: Kernel) -> bool:
         return short and all(is_plain(value, PLAIN - {"sin", "cos"}) for value in bodies)
     if is_wide(kernel) or (kernel.repeats and FEWEST * _numbers(kernel) > MOST_APART):
         return False
-    return all(is_plain(value, PLAIN) for value in _values(kernel))
+    return all(is_plain(value, PLAIN | LIBRARY) for value in _values(kernel))
 
 
 def is_wide(kernel: Kernel) -> bool:

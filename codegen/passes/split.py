@@ -88,8 +88,26 @@ def split(kernel: Kernel) -> Parts:
         parts[-1].residual = kernel.loop.residual
     reads = _give_loads(kernel, parts)
     foreign = [_foreign(part, read, home, k) for k, (part, read) in enumerate(zip(parts, reads))]
-    first = len(kernel.solving.values) if kernel.solving else 0
-    return Parts(tuple(parts), _share_slots(parts, foreign, first))
+    if not kernel.solving:
+        return Parts(tuple(parts), _share_slots(parts, foreign, {}, 0))
+    standing = _standing(kernel, parts)
+    return Parts(tuple(parts), _share_slots(parts, foreign, standing, len(kernel.solving.values)))
+
+
+def _standing(kernel: Kernel, parts: Sequence[Part]) -> dict[str, int]:
+    """Where in the workspace the locals are that solving takes: whoever else needs them finds them
+    there."""
+    places: dict[str, int] = {}
+    for part in parts:
+        made = set(part.makes)
+        left: list[tuple[int, Expression]] = []
+        for i, value in part.outputs:
+            if i >= kernel.size and value in made and value not in places:
+                places[value] = i - kernel.size
+            else:
+                left.append((i, value))
+        part.outputs = left
+    return places
 
 
 def _give_results(kernel: Kernel, parts: Sequence[Part], home: Mapping[str, int]) -> None:
@@ -248,20 +266,24 @@ def _read(part: Part) -> Iterator[str]:
         yield from names(value)
 
 
-def _share_slots(parts: Sequence[Part], foreign: Sequence[Reads], first: int) -> int:
-    """Give slots from `first` on to values that cross parts, or blocks; a slot is free again in the
-    part after its last use. Returns how many there are."""
+def _share_slots(
+    parts: Sequence[Part], foreign: Sequence[Reads], standing: Mapping[str, int], first: int
+) -> int:
+    """Give slots from `first` on to values that cross parts, or blocks, and are not `standing`
+    anyway; a slot is free again in the part after its last use. Returns how many there are."""
     last = {
         name: k for k, read in enumerate(foreign) for column in read.values() for name in column
     }
-    slots: dict[str, int] = {}
+    slots = dict(standing)
     free = _Free(first)
+    moved = last.keys() - standing.keys()
     for k, part in enumerate(parts):
         blocks = part.repeat.makes if part.repeat else (tuple(part.makes),)
-        columns = {names[0]: names for names in zip(*blocks) if any(name in last for name in names)}
+        columns = {names[0]: names for names in zip(*blocks) if not moved.isdisjoint(names)}
         for names in columns.values():
             slots.update(zip(names, free.taken(len(names))))
-        part.kept = [(name, slots[name]) for name in columns]
+        fixed = [(name, slots[name]) for name in part.makes if name in standing]
+        part.kept = [*fixed, *((name, slots[name]) for name in columns)]
         part.taken = [(name, slots[column[0]]) for name, column in foreign[k].items()]
         if part.repeat:
             for name, column in (*columns.items(), *foreign[k].items()):
@@ -271,7 +293,8 @@ def _share_slots(parts: Sequence[Part], foreign: Sequence[Reads], first: int) ->
         # another
         read = (name for column in foreign[k].values() for name in column)
         made = (name for names in columns.values() for name in names)
-        free.give(slots[name] for name in dict.fromkeys((*read, *made)) if last.get(name, k) == k)
+        done = (name for name in dict.fromkeys((*read, *made)) if last.get(name, k) == k)
+        free.give(slots[name] for name in done if name not in standing)
     return free.size
 
 

@@ -121,7 +121,7 @@ def files(program: Program) -> dict[str, str]:
                     moved=_moved(program),
                     looked=_looked(program),
                     plain=_plain(program),
-                    compared=_compared([*batches, *stepped]),
+                    called=_called([*batches, *stepped]),
                     repeated=any(x.again for body in (*batches, *stepped) for x in body.pieces),
                     **data,
                 ),
@@ -147,11 +147,21 @@ def _is_apart(body: Body) -> bool:
     return len(body.pieces) > 1 or (len(body.pieces) == 1 and body.size >= MANY)
 
 
-def _compared(bodies: Sequence[Body]) -> set[str]:
-    """Which of the comparisons of text.LANES occur."""
+# The functions of text.LANES that are made of another one: templates/lane_functions.c.j2.
+_MADE_OF = {
+    **dict.fromkeys(("EXPM1", "TANH", "SINH", "COSH"), "half_expm1"),
+    **dict.fromkeys(("ATAN", "ATAN2", "ASIN", "ACOS"), "turned"),
+    "LOG1P": "LOG",
+}
+
+
+def _called(bodies: Sequence[Body]) -> list[str]:
+    """Which functions of text.LANES occur, and what these are made of."""
     lines = [line for body in bodies for piece in body.pieces for line in piece.lines]
-    written = " ".join([*lines, *(body.residual for body in bodies)])
-    return {name for name in ("LARGER", "SMALLER") if f"{name}(" in written}
+    values = [value for body in bodies for piece in body.pieces for value, *_ in piece.guards]
+    written = " ".join([*lines, *values, *(body.residual for body in bodies)])
+    found = set(re.findall(r"\b[A-Z][A-Z0-9]+(?=\()", written)) & set(text.IN_LANES)
+    return sorted(found | {_MADE_OF[name] for name in found if name in _MADE_OF})
 
 
 def _moved(program: Program) -> list[Moved]:

@@ -26,7 +26,7 @@ def by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, Step]:
     for angle, pairs in angles_of(section).items():
         first = next(iter(pairs.values()))
         sin, cos = (pairs.get(name) or fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
-        call = f"bad += {prefix}_sincos({text.expression(angle, text.C)}, &{sin}, &{cos});"
+        call = f"bad += {prefix}_sincos({text.expression(angle, text.LANES)}, &{sin}, &{cos});"
         steps[first] = Step([f"double {sin}, {cos};", call], list(names(angle)), [sin, cos])
     return steps
 

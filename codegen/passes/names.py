@@ -19,7 +19,7 @@ ldexp frexp modf scalb logb
 """
 _OURS = """
 t t_ c x u p out work lane LANES LARGER SMALLER EXP EXPM1 LOG LOG1P TANH SINH COSH ATAN ATAN2
-ASIN ACOS half_expm1 turned bad stray np math status step k finite residual
+ASIN ACOS quarter_expm1 turned arc bad stray np math status step k finite residual
 error rows
 where isscalar sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log expm1 sqrt
 fabs floor ceil pow atan2 hypot fmin fmax copysign fmod sign

@@ -149,8 +149,9 @@ def _is_apart(body: Body) -> bool:
 
 # The functions of text.LANES that are made of another one: templates/lane_functions.c.j2.
 _MADE_OF = {
-    **dict.fromkeys(("EXPM1", "TANH", "SINH", "COSH"), "half_expm1"),
-    **dict.fromkeys(("ATAN", "ATAN2", "ASIN", "ACOS"), "turned"),
+    **dict.fromkeys(("EXPM1", "TANH", "SINH", "COSH"), "quarter_expm1"),
+    **dict.fromkeys(("ATAN", "ATAN2"), "turned"),
+    **dict.fromkeys(("ASIN", "ACOS"), "arc"),
     "LOG1P": "LOG",
 }
 

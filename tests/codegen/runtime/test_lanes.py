@@ -36,6 +36,15 @@ coordinates: {q: rad}
 kinetic: 1 kg*m^2*der(q)^2/2
 potential: 1 J*cos(q) + 1e-9 J*q^2/2
 """
+# One coordinate, and its acceleration, for each function of the C library.
+LIBRARIES = """model: libraries
+coordinates: {a: rad, b: rad, c: rad}
+kinetic: 1 kg*m^2*(der(a)^2 + der(b)^2 + der(c)^2)/2
+loads:
+  first: {type: expression, coordinate: a, expression: "min(1e9, max(cosh(a), 5))*1 N*m"}
+  second: {type: expression, coordinate: b, expression: "atan2(a, b)*1 N*m"}
+  third: {type: expression, coordinate: c, expression: "min(1e9, max(-1e9, sinh(b)))*1 N*m"}
+"""
 PAIRS = [
     (name, enforcement)
     for name, enforcements in {
@@ -152,6 +161,23 @@ def test_a_motion_that_fails_fails_alone(modules: dict[str, ModuleType], integra
     others = np.arange(11) != 4
     np.testing.assert_array_equal(found.x[others], good.x[others])
     assert not found.status[others].any()
+
+
+def test_functions_of_the_library_are_right_for_all_states(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Near overflow too: a comparison would swallow what is no number."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    made = program(equations_of_text(LIBRARIES), ("dynamics",))
+    assert is_batched(made.kernel("dynamics"))
+    module = loader.load(published(made, tmp_path / "libraries").folder)
+    ends = [0.0, -0.0, 1.0, -3.0, 709.5, 710.2, -710.4, 712.0, 1e300, -1.5e308, 1.7e308, 1e-310]
+    x = np.zeros((len(ends) ** 2, 6))
+    x[:, 0], x[:, 1] = np.repeat(ends, len(ends)), np.tile(ends, len(ends))
+    with np.errstate(over="ignore"):
+        first, third = np.clip(np.cosh(x[:, 0]), 5.0, 1e9), np.clip(np.sinh(x[:, 1]), -1e9, 1e9)
+    wanted = np.stack([first, np.arctan2(x[:, 0], x[:, 1]), third], axis=-1)
+    np.testing.assert_allclose(module.dynamics(0.0, x)[:, 3:], wanted, rtol=1e-15, atol=0.0)
 
 
 def test_angles_that_are_too_large_go_alone(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -274,22 +274,24 @@ def test_bad_arguments(modules: dict[str, ModuleType]) -> None:
         assert module.simulate((0.0, 1.0), x[:0]).x.shape == (0, 2, 2)
 
 
-def test_progress_and_interrupts(modules: dict[str, ModuleType]) -> None:
-    module, x = modules["circle"], starts("circle", 300)
+@pytest.mark.parametrize("threads", [1, 3])
+def test_progress_and_interrupts(modules: dict[str, ModuleType], threads: int) -> None:
+    module, x = modules["circle"], starts("circle", 3_000)
     seen: list[int] = []
-    module.simulate((0.0, 0.1), x, progress=seen.append)
-    assert len(seen) > 1 and seen == sorted(seen) and seen[-1] == 300
+    found = module.simulate((0.0, 0.1), x, progress=seen.append, threads=threads)
+    assert len(seen) > 1 and seen == sorted(seen) and seen[-1] == 3_000
+    np.testing.assert_array_equal(found.x, module.simulate((0.0, 0.1), x).x)
 
     def stop(done: int) -> None:
         raise KeyboardInterrupt
 
     with pytest.warns(RuntimeWarning, match="interrupted after") as warned:
-        part = module.simulate((0.0, 0.1), x, progress=stop)
+        part = module.simulate((0.0, 0.1), x, step_size=1e-4, progress=stop, threads=threads)
     done = part.status == 0
     said = [str(warning.message) for warning in warned]
-    assert len(said) == 1 and f"after {done.sum()} of 300" in said[0]  # not that others failed
+    assert len(said) == 1 and f"after {done.sum()} of 3000" in said[0]  # not that others failed
     assert (
-        0 < done.sum() < 300 and np.isfinite(part.x[done]).all() and np.isnan(part.x[~done]).all()
+        0 < done.sum() < 3_000 and np.isfinite(part.x[done]).all() and np.isnan(part.x[~done]).all()
     )
 
 

@@ -5,7 +5,6 @@ Of derive.expressions: columns.
 
 from __future__ import annotations
 
-import gc
 
 import casadi as ca
 import numpy as np
@@ -66,4 +65,3 @@ def test_it_is_made_once_and_never_another_one() -> None:
         assert columns_of(function) is columns_of(function)
         assert columns_of(function)(np.zeros((1, 1)))[0][0, 0, 0] == value
         del function
-        gc.collect()

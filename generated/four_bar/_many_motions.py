@@ -3,9 +3,13 @@
 The same file in every generated folder. No claim of licence is made on it: 0BSD, see LICENSE.txt.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from queue import SimpleQueue
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -17,6 +21,7 @@ from ._simulation import Events, Simulation, Status
 
 PACE = 0.1  # seconds between two looks at progress and interrupts
 LEAST = 64  # motions between two looks
+FASTER = 16  # times as many as before, at most
 Lead = tuple[int, ...]
 
 
@@ -178,51 +183,94 @@ class Queue:
     def run(self) -> int:
         """All of them; returns how many are done, fewer after an interrupt."""
         by, done = self.by, 0
-        parts = self._one_by_one if by.backend.batch is None else self._all_at_once
         try:
-            for reached in parts():
-                done = reached
+            for rows in self._done():
+                done += rows
                 if by.progress is not None:
-                    by.progress(reached)
+                    by.progress(done)
         except KeyboardInterrupt:
             self.interrupted = True
+            done = int(np.count_nonzero(self.ends["status"] != Status.MORE))
             part = f"{done} of {self.rows} motions"
             by.remarks.append(f"{by.facts.name}.simulate: interrupted after {part}")
         return done
 
+    def _done(self) -> Iterator[int]:
+        """How many rows more are done, each time some are."""
+        batch = self.by.backend.batch
+        if batch is None:
+            return self._one_by_one()
+        count = max(1, self.by.threads)
+        parts = Parts(self.rows, count)
+        rooms = [np.empty(batch.workspace, np.uint8) for _ in range(count)]
+        if count == 1:
+            return self._part_by_part(parts, rooms[0])
+        return self._on_threads(parts, rooms)
+
     def _one_by_one(self) -> Iterator[int]:
         for row in range(self.rows):
             self.one(row, self._begun(row))
-            yield row + 1
+            yield 1
 
-    def _all_at_once(self) -> Iterator[int]:
-        """Parts of the rows, each divided among the threads."""
-        size, count = self.by.backend.batch.workspace, max(1, self.by.threads)
-        rooms = [np.empty(size, np.uint8) for _ in range(count)]
-        with ThreadPoolExecutor(count) as pool:
-            each: Any = map if count == 1 else pool.map
-            for first, last in _parts(self.rows):
-                ends = [first + (last - first) * k // count for k in range(count + 1)]
-                list(each(self._compiled_part, rooms, ends[:-1], ends[1:]))
-                yield last
+    def _part_by_part(self, parts: Parts, room: np.ndarray) -> Iterator[int]:
+        """Rows by the compiled code, in parts that take about as long as PACE."""
+        size = LEAST
+        while part := parts.taken(size):
+            before = time.perf_counter()
+            self.compiled(room, *part)
+            size = paced(size, time.perf_counter() - before)
+            yield part[1] - part[0]
 
-    def _compiled_part(self, room: np.ndarray, first: int, last: int) -> None:
-        if first < last:
-            self.compiled(room, first, last)
+    def _on_threads(self, parts: Parts, rooms: list[np.ndarray]) -> Iterator[int]:
+        """Each thread takes the next part when it is done with one: none waits for another."""
+        done: SimpleQueue[int] = SimpleQueue()  # 0 says that a thread ends
+
+        def work(room: np.ndarray) -> None:
+            try:
+                for rows in self._part_by_part(parts, room):
+                    done.put(rows)
+            finally:
+                done.put(0)
+
+        with ThreadPoolExecutor(len(rooms)) as pool:
+            jobs, going = [pool.submit(work, room) for room in rooms], len(rooms)
+            try:
+                while going:
+                    rows = done.get()
+                    going -= not rows
+                    if rows:
+                        yield rows
+            finally:
+                parts.stopped = True
+            for job in jobs:
+                job.result()
 
 
-def _parts(rows: int) -> Iterator[tuple[int, int]]:
-    """First and last rows of parts that take about as long as PACE."""
-    first, size = 0, LEAST
-    while first < rows:
-        last, before = min(rows, first + size), time.perf_counter()
-        yield first, last
-        seconds = time.perf_counter() - before
-        if seconds < PACE:
-            size *= 2
-        elif seconds > 2 * PACE and size > LEAST:
-            size //= 2
-        first = last
+class Parts:
+    """Rows in the order in which they are taken, by several threads."""
+
+    def __init__(self, rows: int, threads: int) -> None:
+        self.rows, self.threads, self.first = rows, threads, 0
+        self.stopped, self.lock = False, Lock()
+
+    def taken(self, size: int) -> tuple[int, int] | None:
+        """First and last of `size` rows, of fewer near the end, so that threads end together."""
+        with self.lock:
+            left = self.rows - self.first
+            if self.stopped or left == 0:
+                return None
+            if self.threads > 1:
+                size = min(size, max(LEAST, left // (2 * self.threads)))
+            first = self.first
+            self.first += min(size, left)
+            return first, self.first
+
+
+def paced(size: int, seconds: float) -> int:
+    """How many rows come next, where so many took so long."""
+    most, least = size * FASTER, max(LEAST, size // 2)
+    wanted = size * PACE / max(seconds, 1e-9)
+    return int(min(most, max(least, wanted)))
 
 
 # ---- inputs at sample times

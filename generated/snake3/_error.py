@@ -12,6 +12,7 @@ the middle.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -46,14 +47,13 @@ def estimate(
     not arrive, and of those of many motions that ended before their last row: how many steps their
     companions took as far as there is not known. `equal` says that steps have a size that was asked
     for."""
-    count = found.x.shape[-2]
     lean = found.x[..., ::-1, :][..., ::2, :][..., ::-1, :]
     reached = companion.x.shape[-2]
     apart = np.full(lean.shape, np.nan)
     apart[..., :reached, :] = np.abs(lean[..., :reached, :] - companion.x)
     if apart.ndim > 2:
         apart[np.asarray(found.status) != 0] = np.nan
-    grown = np.maximum.accumulate(np.nan_to_num(apart, nan=np.inf), axis=-2)
+    grown = _largest_until(np.where(np.isnan(apart), np.inf, apart))
     steps = _tried(found)
     longer = steps / np.maximum(_tried(companion), 1.0)
     looser = coarser(rtol, 1.0, None, order)[0] / rtol
@@ -61,11 +61,26 @@ def estimate(
     # few steps may be much longer than the errors tell
     growth = own if equal else np.minimum(own, looser)
     gain = (OF_EQUAL_STEPS if equal else SAFETY) / np.maximum(growth - 1.0, 0.5)
-    size = np.maximum.accumulate(np.abs(found.x), axis=-2)
-    every = np.repeat(gain * grown, 2, axis=-2)[..., -count:, :]
     rounding = np.finfo(found.x.dtype).eps * np.sqrt(steps)  # adds up at random
-    least = np.where(longer < ALIKE, rtol, rounding) * size
-    return np.where(np.isfinite(every), np.maximum(every, least), np.nan)
+    within = _largest_until(np.abs(found.x, dtype=float))
+    within *= np.where(longer < ALIKE, rtol, rounding)
+    grown *= gain
+    for first in (0, 1):  # rows of the companion, and those between them
+        part = within[..., ::-1, :][..., first::2, :]
+        np.maximum(part, grown[..., ::-1, :][..., : part.shape[-2], :], out=part)
+    within[np.isinf(within)] = np.nan
+    return within
+
+
+def _largest_until(values: np.ndarray) -> np.ndarray:
+    """The largest so far along the rows, in place; row by row where motions are more than rows."""
+    count = values.shape[-2]
+    if count > math.prod(values.shape[:-2]):
+        return np.maximum.accumulate(values, axis=-2, out=values)
+    for row in range(1, count):
+        here = values[..., row, :]
+        np.maximum(here, values[..., row - 1, :], out=here)
+    return values
 
 
 def _tried(found: Any) -> np.ndarray:

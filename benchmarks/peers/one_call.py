@@ -1,5 +1,5 @@
-"""ns of one call of `dynamics` from Python: one_call.py FOLDER STATES.npz CALL. The loop around the
-calls is taken off."""
+"""ns of one call of `dynamics` from Python, with one state or with many: one_call.py FOLDER
+STATES.npz CALL. The loop around the calls is taken off."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ def least(folder: str, states: str, call: str) -> float:
         "f": module.dynamics,
         "x": arrays["x"].copy(),
         "u": arrays["u"].copy(),
-        "out": np.empty(module.nx),
+        "out": np.empty((*arrays["x"].shape[:-1], module.nx)),
     }
+    calls = CALLS if arrays["x"].ndim == 1 else 1
     timers = [timeit.Timer("pass"), timeit.Timer(call, globals=names)]
-    rounds = np.array([[timer.timeit(CALLS) for timer in timers] for _ in range(ROUNDS)])
+    rounds = np.array([[timer.timeit(calls) for timer in timers] for _ in range(ROUNDS)])
     empty, full = rounds.min(axis=0)
-    return float(full - empty) / CALLS * 1e9
+    return float(full - empty) / calls * 1e9
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -135,10 +136,10 @@ class Request:
     needs: tuple[str, ...] = ()
     condition: Callable[[], None] | None = None
 
-    @property
+    @cached_property
     def function(self) -> Function:
-        """Made now. Raises ValueError where there is none to be made, AssumptionError where the
-        model has no such function."""
+        """Made when it is first asked for. Raises ValueError where there is none to be made,
+        AssumptionError where the model has no such function."""
         if self.make is None:
             raise ValueError(f"{self.name} is a loop around {', '.join(self.needs)}")
         if self.condition is not None:

@@ -5,7 +5,6 @@ Of derive.expressions: columns.
 
 from __future__ import annotations
 
-
 import casadi as ca
 import numpy as np
 import pytest

@@ -22,8 +22,9 @@ from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.model import load_text
 from derive.states import system
+from derive.states.initial import initial_state
 from hamel.build.module import published
-from tests.scenes import derived
+from tests.scenes import derived, mechanics
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 
@@ -132,6 +133,24 @@ def test_derivatives_are_those_of_the_step(arm: ModuleType, method: str, substep
     ]
     wanted = np.array(columns).T
     assert np.abs(found - wanted).max() <= 1e-10 * np.abs(wanted).max()
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_step_through_closed_loops_are_those_of_the_step(home) -> None:
+    """Of a delta robot, 13 states over three inputs."""
+    delta = module_of(home, derived("gallery/delta_robot"), "delta_robot")
+    start = np.array(delta.state(0.0, initial_state(mechanics("gallery/delta_robot")).whole))
+    random = np.random.default_rng(1)
+    for method in METHODS:
+        x = delta.project(0.0, start + np.append(np.zeros(10), random.normal(scale=0.5, size=3)))
+        z = np.append(x, random.normal(size=3))
+
+        def step(z: np.ndarray, method: str = method) -> np.ndarray:
+            return delta.step(0.0, np.append(z[:13], 1e-3), z[13:], method=method)
+
+        found = delta.step_sensitivity(0.0, np.append(z[:13], 1e-3), z[13:], method=method)
+        columns = [(step(z + d) - step(z - d)) / 2e-5 for d in 1e-5 * np.eye(16)]
+        np.testing.assert_allclose(found, np.array(columns).T, atol=1e-9)
 
 
 @pytest.mark.parametrize("method", METHODS)

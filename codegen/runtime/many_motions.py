@@ -229,6 +229,9 @@ class Queue:
             try:
                 for rows in self._part_by_part(parts, room):
                     done.put(rows)
+            except BaseException:  # the others end, too
+                parts.stopped = True
+                raise
             finally:
                 done.put(0)
 

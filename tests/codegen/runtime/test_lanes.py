@@ -295,6 +295,25 @@ def test_progress_and_interrupts(modules: dict[str, ModuleType], threads: int) -
     )
 
 
+def test_what_is_wrong_on_one_thread_ends_the_others(
+    modules: dict[str, ModuleType], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module, x = modules["circle"], starts("circle", 20_000)
+    queue = importlib.import_module(f"{module.__name__}._many_motions").Queue
+    compiled, begun = queue.compiled, list[int]()
+
+    def failing(self: Any, room: np.ndarray, first: int, last: int) -> None:
+        begun.append(last - first)
+        if first == 0:
+            raise MemoryError
+        compiled(self, room, first, last)
+
+    monkeypatch.setattr(queue, "compiled", failing)
+    with pytest.raises(MemoryError):
+        module.simulate((0.0, 0.1), x, step_size=1e-4, threads=2)
+    assert sum(begun) < 10_000
+
+
 @pytest.mark.slow
 def test_what_goes_one_by_one_is_the_same(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Implicit methods and other enforcements behind the same call: to the bit."""

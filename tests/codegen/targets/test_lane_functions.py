@@ -92,12 +92,12 @@ def pairs(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     random = np.random.default_rng(4)
     size = 10.0 ** np.concatenate([random.uniform(305, 308, 700), random.uniform(-323, -305, 700)])
     size = np.concatenate([size, 10.0 ** random.uniform(-300, 300, 700)])
-    ratio = random.choice(BORDERS, len(size)) * 10.0 ** random.uniform(-1, 0.2, len(size)) ** 3
+    ratio = random.choice(BORDERS, len(size)) * 10.0 ** random.uniform(-1, 1, len(size)) ** 3
     ratio *= random.choice([-1, 1], len(size))
     with np.errstate(over="ignore"):
         near = np.clip(size * ratio, -MOST, MOST)
-    near[::2], size[::2] = size[::2], near[::2]
-    return np.concatenate([x, near]), np.concatenate([random.permutation(x), size])
+    along, across = (np.concatenate(both) for both in ((size, near), (near, size)))
+    return np.concatenate([x, across]), np.concatenate([random.permutation(x), along])
 
 
 def exact(name: str, x: float, y: float) -> mpmath.mpf:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from derive.diagnostics import AssumptionError, VerificationError
 from derive.formulations import FORMULATIONS, equations
 from derive.formulations.derivatives import derivatives
 from derive.formulations.evaluate import slots_of
-from derive.formulations.records import Equations
+from derive.formulations.records import Equations, Function
 from derive.model import load, load_text
 from derive.states import sampling, system
 from hamel.build import pipeline
@@ -268,3 +269,24 @@ inputs: {u: {joint: C}}
 """
     program = program_of(equations(system(load_text(text))), ("jacobian", "derivatives"))
     assert program.kernel("jacobian").outputs == (0.0, 1.0, 0.0, 0.0)
+
+
+def test_a_function_on_request_is_made_once() -> None:
+    """Choosing functions, making their code and verifying it all ask for it."""
+    found, made = equations(system(load(MODELS / "pendulum.yaml"))), list[str]()
+    requests = tuple(
+        replace(request, make=_counted(request.make, request.name, made))
+        for request in found.requests
+        if request.make is not None
+    )
+    for _ in range(2):
+        program_of(replace(found, requests=requests), ("jacobian",))
+    assert made == ["jacobian"]
+
+
+def _counted(make: Callable[[], Function], name: str, made: list[str]) -> Callable[[], Function]:
+    def counted() -> Function:
+        made.append(name)
+        return make()
+
+    return counted

@@ -391,6 +391,9 @@ class Hoisted:
     rest: Kernel
 
 
+CHART = "_chart"  # behind the name of a function: of the chart with the number that follows
+
+
 @dataclass(frozen=True)
 class Chart:
     """One of several choices in a module: its functions are called NAME`suffix` where they differ

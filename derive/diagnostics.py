@@ -11,6 +11,7 @@ WINDOW = 160  # characters of a source line that are shown at most
 SHOWN = 20  # problems printed at once
 NAMES = 12  # of a list that are told; whoever needs all finds them in the manifest
 COMPARED = 500  # names looked at for "did you mean"
+SEPARATORS = dict.fromkeys(map(ord, "._- "))  # none of them counts when names are compared
 
 
 @dataclass(frozen=True)
@@ -152,10 +153,9 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     if synonym in every:
         return synonym
     known = [known for known in every if _similar_length(known, name)][:COMPARED]
-    for (
-        candidate
-    ) in known:  # wrong case is the commonest slip, and difflib sees `X` and `x` as strangers
-        if candidate.lower() == name.lower() and candidate != name:
+    # wrong case or another separator is the commonest slip, and difflib sees X and x as strangers
+    for candidate in known:
+        if _letters(candidate) == _letters(name) and candidate != name:
             return candidate
     matches = difflib.get_close_matches(name[:80], known, n=1, cutoff=0.6)
     return matches[0] if matches else None
@@ -171,6 +171,11 @@ def listed(names: Iterable[str], most: int = NAMES) -> str:
     """Names for the `expected` line, cut where a reader stops reading."""
     known = list(dict.fromkeys(names))
     return ", ".join(known[:most]) + (f", … ({len(known)} in all)" if len(known) > most else "")
+
+
+def _letters(name: str) -> str:
+    """What is left of a name where neither case nor separators count."""
+    return name.casefold().translate(SEPARATORS)
 
 
 def _similar_length(a: str, b: str) -> bool:

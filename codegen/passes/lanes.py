@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from codegen.passes.split import is_long
-from codegen.program import Expression, Kernel, Program, Rolled
+from codegen.program import CHART, Expression, Kernel, Program, Rolled
 
 DYNAMICS = "dynamics"
 BATCHED = (DYNAMICS, "derivatives", "steady")  # worth the time to compile them twice
 POWER = "power"
 CONSTRAINTS, GUARDS = "constraints", "guards"
 SHORTER = ("project", CONSTRAINTS, GUARDS)  # what a step calls besides, with shorter sines
-STEPPED = (POWER, *SHORTER)
+# and what enforcements along directions solve at every stage: rows of positions, of velocities
+SOLVED = ("closure", "slip")
+STEPPED = (POWER, *SHORTER, *SOLVED)
 WATCHED = "events"  # and where something is looked for; without it motions with events go alone
 PLAIN = frozenset({
     "add", "sub", "mul", "div", "neg", "sqrt", "sin", "cos", "fabs", "sign", "lt", "le", "eq", "ne",
@@ -29,6 +31,11 @@ WIDEST, LONGEST = 1_500, 12_000
 MOST_ROLLED, MOST_APART = 400_000, 1_600_000
 FEWEST = 2
 SHORT = 120  # operations of dynamics, those of sines and cosines besides
+
+
+def is_stepped(kernel: Kernel) -> bool:
+    """Does a step of several motions call it, of whichever chart it is?"""
+    return kernel.name.partition(CHART)[0] in (DYNAMICS, *STEPPED)
 
 
 def is_batched(kernel: Kernel) -> bool:
@@ -50,7 +57,7 @@ def stack_lanes(program: Program) -> int:
 
 
 def _lanes_within(program: Program, most: int) -> int:
-    rolled = [k for k in program.kernels if k.rolled and (is_batched(k) or k.name in STEPPED)]
+    rolled = [k for k in program.kernels if k.rolled and (is_batched(k) or is_stepped(k))]
     rolled += [k for k in program.kernels if k.repeats and is_batched(k)]
     numbers = max((_numbers(kernel) for kernel in rolled), default=1)
     lanes = 16
@@ -68,9 +75,9 @@ def _numbers(kernel: Kernel) -> int:
 
 def side_by_side(program: Program) -> tuple[Kernel, ...]:
     """What a step of several motions side by side calls; nothing where motions have to go one by
-    one: in another precision, in several charts, where a function is not plain."""
-    kernels = tuple(k for k in program.kernels if k.name in (DYNAMICS, *STEPPED))
-    if not program.simulates or program.charts or program.frame or program.real.words:
+    one: in another precision, where a function is not plain."""
+    kernels = tuple(k for k in program.kernels if is_stepped(k))
+    if not program.simulates or program.real.words:
         return ()
     plain = all(map(_is_straight, kernels)) and is_batched(program.kernel(DYNAMICS))
     short = all(kernel.name == DYNAMICS or not is_long(kernel) for kernel in kernels)
@@ -78,15 +85,16 @@ def side_by_side(program: Program) -> tuple[Kernel, ...]:
     short = short and not any(kernel.repeats for kernel in kernels)
     if not (plain and short):
         return ()
-    watched = (k for k in program.kernels if k.name == WATCHED)
-    return (*kernels, *(k for k in watched if _is_straight(k) and not is_long(k)))
+    watched = [k for k in program.kernels if k.name.partition(CHART)[0] == WATCHED]
+    looks = all(_is_straight(k) and not is_long(k) for k in watched)
+    return (*kernels, *watched) if looks else kernels
 
 
 def has_rates(program: Program) -> bool:
-    """Are dynamics written once more, for steps of motions? Sines and cosines are shorter there."""
-    return any(kernel.name == DYNAMICS for kernel in side_by_side(program)) and _is_whole(
-        program.kernel(DYNAMICS)
-    )
+    """Are dynamics written once more, for steps of motions? Sines and cosines are shorter there.
+    Charts have theirs as they are."""
+    there = any(kernel.name == DYNAMICS for kernel in side_by_side(program))
+    return there and not program.charts and _is_whole(program.kernel(DYNAMICS))
 
 
 def has_slope(program: Program) -> bool:
@@ -103,7 +111,7 @@ def has_slope(program: Program) -> bool:
 def has_looked(program: Program) -> bool:
     """Are there constraints and guards, which are looked at together?"""
     straight = (kernel.name for kernel in side_by_side(program) if not kernel.rolled)
-    return {CONSTRAINTS, GUARDS} <= set(straight)
+    return not program.charts and {CONSTRAINTS, GUARDS} <= set(straight)
 
 
 def has_pairs(program: Program) -> bool:

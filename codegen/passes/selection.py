@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
 from codegen.passes.roll import NEVER, refusal
+from codegen.program import CHART
 from derive.diagnostics import AssumptionError, HamelError
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations.charts import differs
@@ -38,7 +39,7 @@ def _names_of(equations: Equations) -> list[str]:
 
 
 def chart_suffix(number: int) -> str:
-    return f"_chart{number}" if number else ""
+    return f"{CHART}{number}" if number else ""
 
 
 def for_charts(equations: Equations) -> list[str]:

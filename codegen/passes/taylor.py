@@ -64,9 +64,10 @@ def series_in_lanes(program: Program) -> bool:
     all is smooth: a comparison says something else in each lane."""
     if not side_by_side(program) or program.has("kinks"):
         return False
-    made = series(program)
-    values = [*(s.value for s in made.start), *(guard.value for guard in made.guards)]
-    return not made.in_pieces and all(is_plain(value, SMOOTH) for value in values)
+    made = [series(program, suffix) for suffix in suffixes(program)]
+    values = [s.value for of in made for s in (*of.start, *of.guards)]
+    smooth = all(is_plain(value, SMOOTH) for value in values)
+    return smooth and not any(of.in_pieces for of in made)
 
 
 def series_refusal(program: Program) -> str:

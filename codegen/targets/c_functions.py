@@ -10,8 +10,7 @@ from itertools import pairwise
 
 from codegen import text
 from codegen.passes.lanes import (
-    DYNAMICS,
-    STEPPED,
+    is_stepped,
 )
 from codegen.passes.split import Copy, Part, names, split
 from codegen.program import (
@@ -185,7 +184,7 @@ def body_of(program: Program, kernel: Kernel, style: Style) -> Body:
 
 def _given(kernel: Kernel) -> Given | None:
     """Of functions that nothing but a batch calls."""
-    if kernel.size < MANY or kernel.name in (DYNAMICS, *STEPPED) or kernel.loop or kernel.solving:
+    if kernel.size < MANY or is_stepped(kernel) or kernel.loop or kernel.solving:
         return None
     last = kernel.size - FOUR
     places = [min(first, last) for first in range(0, kernel.size, FOUR)]

@@ -33,7 +33,7 @@ from codegen.passes.lanes import (
     side_by_side,
 )
 from codegen.passes.taylor import HIGHEST, faster_from, in_pieces, series_in_lanes
-from codegen.program import CALLED, Chart, Program
+from codegen.program import CALLED, CHART, Chart, Program
 from codegen.reals import Real, recast
 from codegen.targets.nullspace import framed
 from codegen.targets.records import Target
@@ -187,6 +187,7 @@ def _data(program: Program) -> dict[str, Any]:
         "lengths": _lengths(program, has, rows),
         "guards": [chart.guards for chart in charts] or [rows["guards"]],
         "lanes": side_by_side(program),
+        "beside": _beside(program),
         "nq": nq,
         "turn": _turn(program.real),
         "turning_names": ", ".join(program.argument("x").labels[i] for i in program.turning),
@@ -264,6 +265,7 @@ def _flags(
         "HAS_COORDINATES": int(has["charts"]),
         "HAS_CHOICES": int(bool(program.charts)),
         "HAS_LANES": int(bool(side_by_side(program))),
+        "HAS_LANES_CONSTANTS": int(program.kernel("dynamics").hoisted is not None),
         "HAS_LANES_RATES": int(has_rates(program)),
         "HAS_LANES_LOOKED": int(has_looked(program)),
         "HAS_LANES_PAIRS": int(has_pairs(program)),
@@ -343,6 +345,18 @@ def _choice(
     if f"guards{chart.suffix}" not in sizes:
         functions["guards"] = "none"
     return Choice(chart.choice, chart.suffix, functions, sizes.get(f"guards{chart.suffix}", 0))
+
+
+def _beside(program: Program) -> dict[str, list[str]]:
+    """For each function of a step side by side that of every chart, NULL where a chart has none."""
+    there = [kernel.name for kernel in side_by_side(program) if kernel.name != "project"]
+    found: dict[str, list[str]] = {}
+    for name in dict.fromkeys(name.partition(CHART)[0] for name in there):
+        shared = "" if name == "guards" else name  # guards are a chart's own
+        own = [f"{name}{chart.suffix}" for chart in program.charts]
+        named = [full if full in there else shared for full in own]
+        found[name] = [f"{program.name}_{each}_lanes" if each else "NULL" for each in named]
+    return found
 
 
 def _labels(program: Program, name: str) -> tuple[str, ...]:

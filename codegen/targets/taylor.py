@@ -61,7 +61,8 @@ def files(program: Program) -> dict[str, str]:
         return {}
     one, many = _one(program), _many(program)
     bodies = [_body(program, suffix, one) for suffix in suffixes(program)]
-    lanes = [_body(program, "", many)] if series_in_lanes(program) else []
+    beside = suffixes(program) if series_in_lanes(program) else ()
+    lanes = [_body(program, suffix, many) for suffix in beside]
     data: dict[str, Any] = {
         "program": program,
         "prefix": program.name,
@@ -69,14 +70,21 @@ def files(program: Program) -> dict[str, str]:
     }
     return {
         f"{program.name}_taylor.h": text.render(
-            "taylor.h.j2", bodies=bodies, lanes=lanes, highest=HIGHEST, **data
+            "taylor.h.j2",
+            bodies=bodies,
+            lanes=lanes,
+            highest=HIGHEST,
+            room=max((body.rows for body in lanes), default=0),
+            **data,
         ),
         **{
             f"{program.name}_taylor{body.suffix}.c": text.render("taylor.c.j2", body=body, **data)
             for body in bodies
         },
         **{
-            f"{program.name}_taylor_lanes.c": text.render("taylor_lanes.c.j2", body=body, **data)
+            f"{program.name}_taylor{body.suffix}_lanes.c": text.render(
+                "taylor_lanes.c.j2", body=body, **data
+            )
             for body in lanes
         },
     }

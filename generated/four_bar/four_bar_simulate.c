@@ -17,6 +17,7 @@ typedef four_bar_inputs Inputs;
 enum { NX = FOUR_BAR_NX, NQ = 3, NZ = 0, N = NX + 1, MOVING = N };
 enum { CONSTRAINT_ROWS = 4, POSITION_ROWS = 2, MANIFOLD_ROWS = 0, CLOSING = 0, GUARDS = 1, VELOCITY_ROWS = 3 };
 enum { INPUTS = FOUR_BAR_NU, PARAMETERS = FOUR_BAR_NP, CONSTANTS = FOUR_BAR_NC_DYNAMICS };
+enum { LANE_CONSTANTS = FOUR_BAR_NC_DYNAMICS }; /* of dynamics side by side */
 #define CLOSURE_ROWS 0
 #define SLIP_ROWS 0
 
@@ -32,6 +33,7 @@ enum { INPUTS = FOUR_BAR_NU, PARAMETERS = FOUR_BAR_NP, CONSTANTS = FOUR_BAR_NC_D
 #define HAS_COORDINATES 0
 #define HAS_CHOICES 0
 #define HAS_LANES 1
+#define HAS_LANES_CONSTANTS 1
 #define HAS_LANES_RATES 1
 #define HAS_LANES_LOOKED 1
 #define HAS_LANES_PAIRS 1
@@ -83,6 +85,7 @@ enum { PROJECT_MOST = 20 };
 /* What goes round, and a turn in two parts. */
 static const int turning[] = {0, 1, 2};
 static const double turn = 6.283185307179586, rest_of_turn = 2.4492935982947064e-16;
+
 
 #include "runtime_control.h"
 #include "runtime_inputs.h"

@@ -132,7 +132,7 @@ typedef struct {
     ptrdiff_t inputs_stride; /* 1 where each motion has its own, 0 to use one for all */
 } four_bar_motions;
 
-/* Integrates them all. Explicit methods with the enforcements projection and none go several side by side, each with its own step size and its own end; others one by one.
+/* Integrates them all. Explicit methods go several side by side, each with its own step size and its own end; others one by one.
    Rows that a motion does not reach become NaN, and its end says why. Nothing is allocated: workspace has room for
    four_bar_workspace() bytes. Returns FOUR_BAR_OK or FOUR_BAR_NO_METHOD. */
 int four_bar_simulate_batch(const four_bar_motions *motions, void *workspace);

@@ -161,10 +161,16 @@ static int any_calls(const Motions *all)
 typedef double Vector __attribute__((vector_size(8 * LANES), may_alias));
 typedef uint64_t Bits __attribute__((vector_size(8 * LANES), may_alias)); /* all or none in every lane, where it says which */
 
+#if HAS_COORDINATES
+#define SOLVED_ROOM ((MOST + 1) * (1 + NX)) /* of rows with their Jacobian */
+#else
+#define SOLVED_ROOM 0
+#endif
+
 /* The state of LANES motions. Counts are those since a lane was entered. */
 typedef struct __attribute__((aligned(64))) {
     double y[N * LANES], own[N * LANES], z[N * LANES], next[N * LANES], k[EXPLICIT_STAGES + 1 + DENSE_STAGES][N * LANES], e[N * LANES], other[N * LANES];
-    double u[(INPUTS + 1) * LANES], p[(PARAMETERS + 1) * LANES], c[(CONSTANTS + 1) * LANES];
+    double u[(INPUTS + 1) * LANES], p[(PARAMETERS + 1) * LANES], c[(LANE_CONSTANTS + 1) * LANES];
     double t[LANES], h[LANES], end[LANES], at[LANES], stray[LANES], residual[LANES];
     double goal[LANES], final[LANES], wanted[LANES]; /* where steps end at the latest: the next and the last; the size of the next step */
     double now[LANES], stray_now[LANES]; /* the error of this step, and where it was not plain */
@@ -175,7 +181,7 @@ typedef struct __attribute__((aligned(64))) {
     double floor[(NQ + 1) * LANES]; /* a turn where an angle went round, for the tolerance */
     double guard[(GUARDS + 1) * LANES], guard_size[(GUARDS + 1) * LANES], guard_rate[(GUARDS + 1) * LANES], seen[(GUARDS + 1) * LANES];
     double violation[(CONSTRAINT_ROWS + 1) * LANES];
-    double constants[LANES][CONSTANTS + 1]; /* the same for the loop of one motion */
+    double constants[LANES][LANE_CONSTANTS + 1]; /* the same for the loop of one motion */
     double a[DENSE_DEGREE + 1][N * LANES]; /* the continuous output, as powers of 2 theta - 1 */
     double values[EIGHTHS + 1][EVENTS_MOST * LANES], signs[EVENTS_MOST * LANES]; /* of events */
 #if HAS_LANES_TAYLOR
@@ -184,6 +190,20 @@ typedef struct __attribute__((aligned(64))) {
 #endif
     uint64_t fresh[LANES]; /* whose motion has no slope and no step size yet */
     uint64_t good[LANES], met[LANES], moved[LANES], busy[LANES], steps[LANES], rejected[LANES], calls[LANES], spent[LANES]; /* `spent` is of the whole motion */
+#if HAS_CHOICES
+    uint64_t chart[LANES];
+    double spare[(N * (HIGHEST_ORDER + 1) + CONSTRAINT_ROWS + GUARDS + EVENTS + SOLVED_ROOM) * LANES], spare_stray[LANES]; /* results of a chart that not all lanes are in */
+#endif
+#if HAS_COORDINATES && CLOSURE_ROWS
+    double position_along[POSITIONS * NQ * LANES], position_back[POSITIONS * POSITIONS * LANES], inverse[POSITIONS * POSITIONS * LANES];
+#endif
+#if HAS_COORDINATES && SLIP_ROWS
+    double velocity_along[VELOCITIES * NW * LANES], velocity_back[VELOCITIES * VELOCITIES * LANES];
+#endif
+#if HAS_COORDINATES
+    double jacobian[SOLVED_ROOM * LANES], crossed[(MOST * MOST + 1) * LANES], square[2 * (MOST * MOST + 1) * LANES];
+    uint64_t rounds[LANES]; /* that the last solution of the position constraints took */
+#endif
 #if HAS_INPUTS
     double knot[LANES], table[4 * INPUTS * LANES]; /* where the segment of each lane begins, and its polynomials */
     int tables, called; /* whether there are any, and a callback */
@@ -322,6 +342,21 @@ static inline double ahead(const Motion *m)
 #endif
 }
 
+/* Parameters, and what dynamics makes of them once. */
+static void enter_parameters(Lanes *w, int lane)
+{
+    const Run *const r = &w->motion[lane].run;
+    double *const c = w->constants[lane];
+    int i, status = OK;
+#if HAS_LANES_CONSTANTS && !HAS_CONSTANTS
+    status = MODEL_precompute(r->p, c);
+#endif
+    for (i = 0; i < PARAMETERS; i++)
+        w->p[i * LANES + lane] = r->p[i];
+    for (i = 0; i < LANE_CONSTANTS; i++)
+        w->c[i * LANES + lane] = status == OK ? c[i] : NAN;
+}
+
 /* Signs of the functions of events as the motion has them. */
 static void enter_signs(Lanes *w, int lane)
 {
@@ -330,6 +365,12 @@ static void enter_signs(Lanes *w, int lane)
     for (k = 0; e && k < count_of(e); k++)
         w->signs[k * LANES + lane] = e->sign[k];
 }
+
+#if HAS_COORDINATES
+static void enter_directions(Lanes *w, int lane, double t, const double *x);
+static void leave_directions(Lanes *w, int lane);
+static inline void lanes_on_chart(const Motions *all, Lanes *w, const double *t, double *z);
+#endif
 
 /* Into the lane from its motion, and back. */
 static void enter_lane(const Motions *all, Lanes *w, int lane)
@@ -358,6 +399,12 @@ static void enter_lane(const Motions *all, Lanes *w, int lane)
 #endif
 #if HAS_INPUTS
     enter_segment(w, lane);
+#endif
+#if HAS_COORDINATES
+    enter_directions(w, lane, s->t, s->x);
+#endif
+#if HAS_CHOICES
+    w->chart[lane] = (uint64_t)s->choice;
 #endif
 #if TURNING
     for (i = 0; i < TURNING; i++)
@@ -392,6 +439,9 @@ static void leave_lane(Lanes *w, int lane)
     w->steps[lane] = w->rejected[lane] = w->calls[lane] = 0;
     s->position_violation = w->position_violation[lane];
     s->velocity_violation = w->velocity_violation[lane];
+#if HAS_COORDINATES
+    leave_directions(w, lane);
+#endif
 #if HAS_GUARDS
     for (i = 0; i < GUARDS; i++) {
         s->guard[i] = w->guard[i * LANES + lane];
@@ -423,8 +473,12 @@ static int starts_in_lanes(const Lanes *w, const Motion *m)
     if (w->called)
         return 0;
 #endif
+#if HAS_COORDINATES
+    if (on_coordinates(&m->run))
+        return 0; /* directions are asked for */
+#endif
     (void)w;
-    return m->s.next_step == 0.0;
+    return m->s.next_step == 0.0 && !FRAME; /* which may have to be based */
 #endif
 }
 
@@ -461,13 +515,41 @@ static void refill(const Motions *all, const Method *method, Lanes *w, int lane,
         w->row[lane] = row;
         for (i = 0; i < INPUTS; i++)
             w->u[i * LANES + lane] = m->run.u[i];
-        for (i = 0; i < PARAMETERS; i++)
-            w->p[i * LANES + lane] = m->run.p[i];
-        for (i = 0; i < CONSTANTS; i++)
-            w->c[i * LANES + lane] = w->constants[lane][i];
+        enter_parameters(w, lane);
         enter_lane(all, w, lane);
     }
 }
+
+#if HAS_CHOICES
+/* `rows` results, each lane from the function of the chart that it is in; that of the first takes `first` in the place of parameters. Where a
+   chart has no such function the results are 1. */
+static inline void lanes_in_charts(Lanes *w, const LanesFunction *of, int rows, const double *first, const double *t, const double *z, double *out)
+{
+    const Vector one = (Vector){0.0} + 1.0;
+    const Bits busy = bits(w->busy);
+    Vector stray = {0.0};
+    int chart, i;
+    for (chart = 0; chart < CHARTS; chart++) {
+        const Bits here = (Bits)(bits(w->chart) == (uint64_t)chart);
+        if (!any(here & busy))
+            continue;
+        for (i = 0; i < rows; i++)
+            store(w->spare + i * LANES, one);
+        memset(w->spare_stray, 0, sizeof w->spare_stray);
+        if (of[chart])
+            of[chart](t, z, w->u, chart ? w->p : first, w->spare, w->spare_stray);
+        for (i = 0; i < rows; i++)
+            store(out + i * LANES, either(here, vector(w->spare + i * LANES), vector(out + i * LANES)));
+        stray = either(here, vector(w->spare_stray), stray);
+    }
+    store(w->stray, stray);
+}
+#define IN_LANES(name, w, rows, t, z, out) lanes_in_charts(w, lanes_of_##name, rows, (w)->p, t, z, out)
+#else
+#define IN_LANES(name, w, rows, t, z, out) LANES_##name(t, z, (w)->u, (w)->p, out, (w)->stray)
+#endif
+
+#include "runtime_lanes_enforced.h"
 
 /* Before slopes at states z: inputs there. */
 static inline void lanes_fed(Lanes *w, const double *t, const double *z)
@@ -477,6 +559,16 @@ static inline void lanes_fed(Lanes *w, const double *t, const double *z)
         feed_lanes(w, t, z);
 #else
     (void)w, (void)t, (void)z;
+#endif
+}
+
+/* And where an enforcement acts at every stage the states are moved. */
+static inline void lanes_put(const Motions *all, Lanes *w, const double *t, double *z)
+{
+#if HAS_COORDINATES
+    lanes_on_chart(all, w, t, z);
+#else
+    (void)all, (void)w, (void)t, (void)z;
 #endif
 }
 
@@ -493,7 +585,11 @@ static inline void slopes_fed(Lanes *w, const double *t, const double *z, int we
 #if HAS_LANES_RATES
     LANES_rates(t, z, w->u, w->p, w->c, k, w->bad);
 #else
-    LANES_dynamics(t, z, w->u, HAS_CONSTANTS ? w->c : w->p, k, w->stray);
+#if HAS_CHOICES
+    lanes_in_charts(w, lanes_of_dynamics, NX, LANE_CONSTANTS ? w->c : w->p, t, z, k);
+#else
+    LANES_dynamics(t, z, w->u, LANE_CONSTANTS ? w->c : w->p, k, w->stray);
+#endif
     store(w->bad, vector(w->bad) + vector(w->stray));
 #endif
 #if HAS_POWER
@@ -501,16 +597,17 @@ static inline void slopes_fed(Lanes *w, const double *t, const double *z, int we
 #endif
 #if HAS_POWER && !HAS_LANES_SLOPE
     if (weighted) {
-        LANES_power(t, z, w->u, w->p, k + NX * LANES, w->stray);
+        IN_LANES(power, w, 1, t, z, k + NX * LANES);
         store(w->bad, vector(w->bad) + vector(w->stray));
     }
 #endif
     (void)weighted;
 }
 
-static inline void slopes(Lanes *w, const double *t, const double *z, int weighted, double *k)
+static inline void slopes(const Motions *all, Lanes *w, const double *t, double *z, int weighted, double *k)
 {
     lanes_fed(w, t, z);
+    lanes_put(all, w, t, z);
     slopes_fed(w, t, z, weighted, k);
 }
 
@@ -616,8 +713,10 @@ static inline void lanes_step(const Motions *all, const Tableau *m, int late, La
             Lanes *const w = groups[g];
             combine(m, n - 1, w, w->z);
             store(w->at, vector(w->t) + m->c[n - 1] * vector(w->h));
-            if (n + late <= m->stages)
-                lanes_fed(w, w->at, w->z);
+            if (n + late > m->stages)
+                continue;
+            lanes_fed(w, w->at, w->z);
+            lanes_put(all, w, w->at, w->z);
         }
         if (n + late <= m->stages)
             lanes_stage(groups, count, n, m->weighted >> n & 1);
@@ -683,6 +782,25 @@ static inline Vector lanes_longest(const Motions *all, const Lanes *w, int order
     return quick_exp2(1.4426950408889634 * least);
 }
 
+#if HAS_CHOICES
+/* The series of each lane in the chart that it is in, with its work of before. */
+static inline void lanes_series(Lanes *w, int order, const double *rates_of_u)
+{
+    const Bits busy = bits(w->busy);
+    int chart, i;
+    for (chart = 0; chart < CHARTS; chart++) {
+        const Bits here = (Bits)(bits(w->chart) == (uint64_t)chart);
+        if (!any(here & busy))
+            continue;
+        memcpy(w->spare, w->series, (size_t)((order + 1) * N * LANES) * sizeof(double));
+        lanes_of_taylor[chart](w->t, w->y, w->u, rates_of_u, w->p, w->c, order, w->spare, w->room, w->spare_stray);
+        for (i = 0; i < (order + 1) * N; i++)
+            store(w->series + i * LANES, either(here, vector(w->spare + i * LANES), vector(w->series + i * LANES)));
+        store(w->strange, either(here, vector(w->spare_stray), vector(w->strange)));
+    }
+}
+#endif
+
 /* The series from all states on, where any lane has come to a new one; and there the size of the next step. */
 static inline void lanes_expanded(const Motions *all, Lanes *w)
 {
@@ -705,7 +823,11 @@ static inline void lanes_expanded(const Motions *all, Lanes *w)
     memcpy(w->series + NX * LANES, w->y + NX * LANES, LANES * sizeof(double));
     for (n = 1; n <= order && !HAS_POWER; n++)
         store(w->series + (n * N + NX) * LANES, (Vector){0.0});
+#if HAS_CHOICES
+    lanes_series(w, order, rates_of_u);
+#else
     LANES_taylor(w->t, w->y, w->u, rates_of_u, w->p, w->c, order, w->series, w->room, w->strange);
+#endif
     if (!(all->step_size > 0.0))
         store(w->wanted, either(owed & (Bits)(vector(w->strange) == 0.0), lanes_longest(all, w, order), vector(w->wanted)));
     *(Bits *)w->made |= owed;
@@ -810,12 +932,12 @@ static inline Bits lanes_closed(Lanes *w, Bits which, double close)
 }
 
 /* The slope at z, which a projection moved where it is `moved`; lanes that came to another branch by it become bad. */
-static inline void lanes_turned(Lanes *w, Bits moved, Bits wanted, Vector move)
+static inline void lanes_turned(const Motions *all, Lanes *w, Bits moved, Bits wanted, Vector move)
 {
     const Vector one = (Vector){0.0} + 1.0;
     Vector jump = {0.0}, speed = {0.0};
     int i;
-    slopes(w, w->end, w->z, 1, w->k[0]);
+    slopes(all, w, w->end, w->z, 1, w->k[0]);
     lanes_plain(w, w->end, w->z, w->k[0]);
     for (i = 0; i < NQ; i++) {
         jump = larger(jump, size_of(vector(w->k[0] + i * LANES) - vector(w->next + i * LANES)));
@@ -829,7 +951,7 @@ static inline void lanes_turned(Lanes *w, Bits moved, Bits wanted, Vector move)
 }
 
 /* These lanes on the constraints again, and the slope there: where that moved them, and where it is `late`, in all. */
-static inline Bits lanes_projected(Lanes *w, Bits which, int late, double close)
+static inline Bits lanes_projected(const Motions *all, Lanes *w, Bits which, int late, double close)
 {
     const Bits trusted = lanes_closed(w, which, close);
     Vector move = {0.0};
@@ -842,7 +964,7 @@ static inline Bits lanes_projected(Lanes *w, Bits which, int late, double close)
     moved &= which;
     memcpy(w->z, w->e, NX * LANES * sizeof(double)); /* lanes that are not good are not looked at any more */
     if (any(late ? which : moved))
-        lanes_turned(w, moved, late ? which : moved, move);
+        lanes_turned(all, w, moved, late ? which : moved, move);
     return trusted;
 }
 #endif
@@ -853,7 +975,7 @@ static inline void lanes_looked(Lanes *w)
 #if HAS_LANES_LOOKED
     LANES_looked(w->end, w->z, w->u, w->p, w->violation, w->seen, w->stray);
 #elif HAS_CONSTRAINTS
-    LANES_constraints(w->end, w->z, w->u, w->p, w->violation, w->stray);
+    IN_LANES(constraints, w, CONSTRAINT_ROWS, w->end, w->z, w->violation);
     store(w->bad, vector(w->bad) + vector(w->stray));
 #endif
 #if HAS_GUARDS
@@ -863,7 +985,7 @@ static inline void lanes_looked(Lanes *w)
     for (i = 0; HAS_CONSTRAINTS && i < POSITION_ROWS; i++)
         drift = larger(drift, size_of(vector(w->violation + i * LANES)));
 #if !HAS_LANES_LOOKED
-    LANES_guards(w->end, w->z, w->u, w->p, w->seen, w->stray);
+    IN_LANES(guards, w, GUARDS, w->end, w->z, w->seen);
 #endif
     bad = vector(w->bad) + vector(w->stray);
     for (i = 0; i < GUARDS; i++) {
@@ -882,9 +1004,9 @@ static inline void lanes_looked(Lanes *w)
 #if HAS_PROJECT
 /* Good lanes on the constraints, and what these say then. A step of Newton's method from within 1e-8 is trusted to end at rounding; where
    the constraints do not say so there are more. */
-static inline void lanes_enforced(Lanes *w, int late)
+static inline void lanes_enforced(const Motions *all, Lanes *w, int late)
 {
-    const Bits trusted = lanes_projected(w, bits(w->good), late, HAS_CONSTRAINTS ? 1e-8 : 0.0);
+    const Bits trusted = lanes_projected(all, w, bits(w->good), late, HAS_CONSTRAINTS ? 1e-8 : 0.0);
     Vector most = {0.0}, size = (Vector){0.0} + 1.0;
     Bits off;
     int i;
@@ -896,7 +1018,7 @@ static inline void lanes_enforced(Lanes *w, int late)
     off = trusted & ~(Bits)(most <= PROJECT_TOLERANCE * size) & (Bits)(vector(w->bad) == 0.0);
     if (!any(off))
         return;
-    lanes_projected(w, off, 0, 0.0);
+    lanes_projected(all, w, off, 0, 0.0);
     lanes_looked(w);
 }
 #endif
@@ -933,7 +1055,7 @@ static inline void lanes_cubic(Lanes *w)
 
 #if EXPLICIT_STAGES
 /* By weights of the stages, some of which are made for it. */
-static inline void lanes_weighted(const Tableau *m, int late, Lanes *w)
+static inline void lanes_weighted(const Motions *all, const Tableau *m, int late, Lanes *w)
 {
     const int first = m->stages + m->errors;
     int n;
@@ -943,7 +1065,7 @@ static inline void lanes_weighted(const Tableau *m, int late, Lanes *w)
     for (n = 0; n < m->extra; n++) {
         combine(m, first + n, w, w->e);
         store(w->at, vector(w->t) + m->c[m->stages + n] * vector(w->h));
-        slopes(w, w->at, w->e, 0, w->k[m->stages + 1 + n]);
+        slopes(all, w, w->at, w->e, 0, w->k[m->stages + 1 + n]);
     }
     w->degree = m->degree;
     for (n = 0; n <= m->degree; n++)
@@ -962,7 +1084,7 @@ static inline void lanes_dense(const Motions *all, const Method *method, Lanes *
 #endif
 #if EXPLICIT_STAGES
     if (((const Tableau *)method->coefficients)->degree)
-        lanes_weighted((const Tableau *)method->coefficients, is_late(all, method), w);
+        lanes_weighted(all, (const Tableau *)method->coefficients, is_late(all, method), w);
     else
 #endif
         lanes_cubic(w);
@@ -988,7 +1110,7 @@ static inline void lanes_events(const Motions *all, Lanes *w, double place, doub
         feed_lanes(w, w->at, z);
 #endif
 #if EVENTS && HAS_LANES_EVENTS
-    LANES_events(w->at, z, w->u, w->p, w->values[j], w->stray);
+    IN_LANES(events, w, EVENTS, w->at, z, w->values[j]);
     store(w->bad, vector(w->bad) + vector(w->stray));
 #endif
     for (lane = 0; lane < LANES && all->events->count; lane++) {
@@ -1205,6 +1327,33 @@ static inline void lanes_accept(Lanes *w)
     lanes_violated(w, good);
 }
 
+#if HAS_CHOICES || FRAME
+/* Good lanes that have come to where another chart is better, or where the frame is worn out. */
+static inline Bits lanes_elsewhere(Lanes *w)
+{
+    uint64_t __attribute__((aligned(64))) which[LANES];
+    double y[N];
+    int i, lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const Run *const r = &w->motion[lane].run;
+        which[lane] = 0;
+        if (!w->good[lane])
+            continue;
+        for (i = 0; i < N; i++)
+            y[i] = w->y[i * LANES + lane];
+#if FRAME
+        if (MODEL_frame(w->end[lane], y, r->u, r->p) < FRAME_WORN)
+            which[lane] = UINT64_MAX;
+#endif
+#if HAS_CHOICES
+        if (MODEL_chart(r->s->choice, w->end[lane], y, r->u, r->p) != r->s->choice)
+            which[lane] = UINT64_MAX;
+#endif
+    }
+    return bits(which);
+}
+#endif
+
 /* Sizes of the next steps; lanes that are good have taken theirs, others but for those that have to be done alone take a shorter one.
    `met` says which these are, and which are where something is to be done: at an output time, at a knot, beyond a turn. */
 static inline void lanes_sized(const Motions *all, const Method *method, Lanes *w, uint64_t *met)
@@ -1238,6 +1387,9 @@ static inline void lanes_sized(const Motions *all, const Method *method, Lanes *
         int i;
         for (i = 0; i < TURNING; i++)
             there |= (Bits)(size_of(vector(w->y + turning[i] * LANES)) > turn);
+#endif
+#if HAS_CHOICES || FRAME
+        there |= lanes_elsewhere(w);
 #endif
         *(Bits *)met = (busy & ~(good | shorter)) | (good & there);
     }
@@ -1295,7 +1447,7 @@ static inline Vector lanes_first(const Motions *all, const Method *method, Lanes
     for (i = 0; i < N; i++)
         store(w->z + i * LANES, vector(w->y + i * LANES) + h * vector(w->k[0] + i * LANES));
     store(w->at, vector(w->t) + h);
-    slopes(w, w->at, w->z, 1, w->other);
+    slopes(all, w, w->at, w->z, 1, w->other);
     lanes_plain(w, w->at, w->z, w->other);
     for (i = 0; i < N; i++)
         store(w->e + i * LANES, vector(w->other + i * LANES) - vector(w->k[0] + i * LANES));
@@ -1360,7 +1512,7 @@ static __attribute__((noinline)) void lanes_started(const Motions *all, const Me
         memset(w->now, 0, sizeof w->now);
         memcpy(w->z, w->y, sizeof w->z);
         memcpy(w->end, w->t, sizeof w->end);
-        slopes(w, w->t, w->y, 1, w->k[0]);
+        slopes(all, w, w->t, w->y, 1, w->k[0]);
         lanes_plain(w, w->t, w->y, w->k[0]);
         lanes_looked(w);
         if (sized)
@@ -1423,6 +1575,13 @@ static int arrived(const Motions *all, Lanes *w, int lane)
 #if TURNING
     unwind(&m->s);
 #endif
+#if FRAME
+    if (rebased(&m->run, FRAME_WORN))
+        enter_parameters(w, lane);
+#endif
+#if HAS_CHOICES
+    enter(&m->run, MODEL_chart(m->s.choice, m->s.t, m->s.x, m->run.u, m->run.p));
+#endif
 #if HAS_INPUTS
     if ((status = behind_knot(&m->run)) != OK)
         return status;
@@ -1467,6 +1626,9 @@ static int alone(const Motions *all, const Method *method, Lanes *w, int lane)
 #endif
     if (status != OK)
         return told(&m->run, status);
+#if FRAME
+    enter_parameters(w, lane);
+#endif
     status = m->s.t < m->times[m->s.done] ? MORE : reached(all, m);
     if (status == MORE)
         enter_lane(all, w, lane);
@@ -1492,16 +1654,25 @@ static inline void lanes_settled(const Motions *all, const Method *method, Lanes
     *(Bits *)w->calls += bits(w->busy) & stages_of(all, method, w);
 #if HAS_PROJECT
     if (all->enforcement == PROJECTION)
-        lanes_enforced(w, is_late(all, method));
+        lanes_enforced(all, w, is_late(all, method));
     else
 #endif
+    {
+#if HAS_MANIFOLD
+        if (all->enforcement == INVARIANTS || all->enforcement == INVARIANTS_EUCLIDEAN)
+            lanes_held(w);
+#endif
         lanes_looked(w);
+    }
     *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
     if (all->events) {
         lanes_watched(all, method, w);
         *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
     }
     lanes_accept(w);
+#if HAS_COORDINATES
+    lanes_renewed(all, w);
+#endif
 #if KINKS
     for (lane = 0; lane < LANES; lane++)
         if (w->good[lane])
@@ -1570,8 +1741,6 @@ static void side_by_side(const Motions *all, const Method *method, Lanes *lanes)
 /* Can they go side by side? */
 static int fits_lanes(const Motions *all, const Method *method)
 {
-    if (all->enforcement != PROJECTION && all->enforcement != NONE)
-        return 0;
     if (all->events && EVENTS && !HAS_LANES_EVENTS)
         return 0;
 #if EXPLICIT_STAGES

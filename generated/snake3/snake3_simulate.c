@@ -16,6 +16,7 @@ typedef snake3_inputs Inputs;
 enum { NX = SNAKE3_NX, NQ = 5, NZ = 0, N = NX + 1, MOVING = N };
 enum { CONSTRAINT_ROWS = 3, POSITION_ROWS = 0, MANIFOLD_ROWS = 0, CLOSING = 0, GUARDS = 0, VELOCITY_ROWS = 5 };
 enum { INPUTS = SNAKE3_NU, PARAMETERS = SNAKE3_NP, CONSTANTS = SNAKE3_NC_DYNAMICS };
+enum { LANE_CONSTANTS = SNAKE3_NC_DYNAMICS }; /* of dynamics side by side */
 #define CLOSURE_ROWS 0
 #define SLIP_ROWS 0
 
@@ -31,6 +32,7 @@ enum { INPUTS = SNAKE3_NU, PARAMETERS = SNAKE3_NP, CONSTANTS = SNAKE3_NC_DYNAMIC
 #define HAS_COORDINATES 0
 #define HAS_CHOICES 0
 #define HAS_LANES 1
+#define HAS_LANES_CONSTANTS 1
 #define HAS_LANES_RATES 1
 #define HAS_LANES_LOOKED 0
 #define HAS_LANES_PAIRS 0
@@ -71,6 +73,7 @@ enum {PROJECTION = -1, NONE = 0, INVARIANTS = -1, INVARIANTS_EUCLIDEAN = -1, PAR
 /* What goes round, and a turn in two parts. */
 static const int turning[] = {2, 3, 4};
 static const double turn = 6.283185307179586, rest_of_turn = 2.4492935982947064e-16;
+
 
 #include "runtime_control.h"
 #include "runtime_inputs.h"

@@ -128,7 +128,7 @@ typedef struct {
     ptrdiff_t inputs_stride; /* 1 where each motion has its own, 0 to use one for all */
 } snake3_motions;
 
-/* Integrates them all. Explicit methods with the enforcements projection and none go several side by side, each with its own step size and its own end; others one by one.
+/* Integrates them all. Explicit methods go several side by side, each with its own step size and its own end; others one by one.
    Rows that a motion does not reach become NaN, and its end says why. Nothing is allocated: workspace has room for
    snake3_workspace() bytes. Returns SNAKE3_OK or SNAKE3_NO_METHOD. */
 int snake3_simulate_batch(const snake3_motions *motions, void *workspace);

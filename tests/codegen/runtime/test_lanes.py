@@ -17,7 +17,6 @@ from codegen.integrators import INTEGRATORS, Tableau
 from codegen.passes import program
 from codegen.passes.lanes import is_batched, side_by_side
 from codegen.passes.taylor import SERIES, series_in_lanes
-from derive.enforcement import ENFORCEMENTS
 from derive.formulations import equations
 from derive.model import load
 from derive.states import system
@@ -316,15 +315,13 @@ def test_what_is_wrong_on_one_thread_ends_the_others(
 
 @pytest.mark.slow
 def test_what_goes_one_by_one_is_the_same(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Implicit methods and other enforcements behind the same call: to the bit."""
+    """Implicit methods behind the same call: to the bit."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    names = tuple(e.name for e in ENFORCEMENTS if e.name in ("projection", "partitioning"))
-    made = program(derived("four_bar"), None, ("radau", "dop853"), names)
+    made = program(derived("four_bar"), None, ("radau",))
     module, x = loader.load(published(made, tmp_path / "four_bar").folder), starts("four_bar", 5)
-    for how in ({"integrator": "radau"}, {"integrator": "dop853", "enforcement": "partitioning"}):
-        found = module.simulate((0.0, 0.4), x, rtol=1e-7, **how)
-        rows = [module.simulate((0.0, 0.4), row, rtol=1e-7, **how).x for row in x]
-        np.testing.assert_array_equal(found.x, rows)
+    found = module.simulate((0.0, 0.4), x, rtol=1e-7, integrator="radau")
+    rows = [module.simulate((0.0, 0.4), row, rtol=1e-7, integrator="radau").x for row in x]
+    np.testing.assert_array_equal(found.x, rows)
 
 
 @pytest.mark.parametrize("width", [2, 8])

@@ -63,6 +63,9 @@ def frame(reader: Reader, scalar: Scalar | None) -> str:
     return FRAMES[0] if scalar is None else reader.word(scalar, FRAMES, "frame") or FRAMES[0]
 
 
+SLACK = {"rest": "length", "length": "rest"}  # where a spring of the other form is slack
+
+
 def refuse_keys(
     reader: Reader, key: Key, entry: object, fields: tuple[str, ...], where: str
 ) -> None:
@@ -75,6 +78,7 @@ def refuse_keys(
                 span,
                 f"'{name}' of '{key}' belongs to a load {where}",
                 "between: [body, body] with at: [[…], […]], or a joint",
+                f"did you mean '{SLACK[name]}'?" if name in SLACK else "",
             )
 
 

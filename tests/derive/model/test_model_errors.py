@@ -1170,7 +1170,22 @@ ERRORS = [
         ARM + "loads: {s: {type: spring, joint: A, stiffness: 1, length: «1 m}}\n",
         "'length' of 's' belongs to a load between two points",
         "between",
-        "",
+        "did you mean 'rest'?",
+    ),
+    (
+        "mixed_points",
+        TREE
+        + "loads: {s: {type: spring, between: [a, b], at: [[0, 0], [0, 0]], stiffness: 1, rest: «1 m}}\n",
+        "'rest' of 's' belongs to a load at a joint",
+        "between",
+        "did you mean 'length'?",
+    ),
+    (
+        "separator",
+        BAR + BODY + "joints: {J: {type: planar, parent: ground, child: b}}\ninitial: {«J.x: 1}\n",
+        "unknown coordinate or velocity 'J.x'",
+        "J_x",
+        "did you mean 'J_x'?",
     ),
     (
         "force_frame",

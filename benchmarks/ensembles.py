@@ -13,7 +13,11 @@ the clock on the wall.
 
 from __future__ import annotations
 
+import importlib.metadata
+import importlib.util
 import json
+import os
+import resource
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -54,6 +58,9 @@ WHY = {
     "time",
     "MuJoCo": "docs/methods.md, Many motions at a time",
 }
+COMPILING = "compiling"
+COMPILED = 3.0  # s that the loop over lanes of the four-bar may take
+LIBRARIES = ("heyoka", "diffrax", "jax", "scipy", "mujoco")
 MORE = 1.25  # at most, with all that a prototype left out
 FAR = 'events: {far: "q0 + q1 - 50 rad", beyond: "q0 + 60 rad"}'
 PYTHON = 1e-8  # the error at which peers from Python are compared
@@ -242,6 +249,7 @@ def rows(place: Place) -> Iterator[Row]:
     own = [tuned(each, place) for each in place.ours()]
     series_of_ours = ((f"our {each.peer}", each) for each in place.ours(SERIES))
     peers = {key: tuned(each, place) for key, each in (*_taylor(place), *series_of_ours)}
+    yield from _compilations(place, peers)
     for k, most in enumerate(ERRORS):
         mine = fastest(own, most)
         if mine is None:
@@ -257,6 +265,53 @@ def rows(place: Place) -> Iterator[Row]:
         yield from _scalar(many, place, mine)
         yield from _beside(many, place, mine)
         yield from _costs(many, place, mine)
+
+
+def _compilations(place: Place, peers: dict[str, dict[float, Chosen]]) -> Iterator[Row]:
+    """Of our loop over lanes with both integrators and the series, beside what heyoka takes for
+    the longest of its series; of the four-bar beside what it may take."""
+    many, seconds = place.many, _compilation(place)
+    others = {
+        chosen.ensemble.peer: max(chosen.ensemble.compiled)
+        for found in peers.values()
+        for chosen in found.values()
+        if chosen.ensemble.compiled
+    }
+    for peer, theirs in others.items():
+        yield _compiled(many, peer, seconds, theirs, None)
+    if many.scene.name == "four_bar":
+        yield _compiled(many, f"{COMPILED:g} s", seconds, COMPILED, 1.0)
+
+
+def _compilation(place: Place) -> float:
+    """Seconds of a processor that the compiler takes for NAME_simulate.c; the least of three."""
+    command, name, least = compiler.find_compiler() or [], place.many.scene.name, np.inf
+    stem = f"{name}_simulate"
+    flags = [*compiler.FLAGS, *compiler.flags_of(command, name, stem)]
+    for _ in range(3):
+        begin = _of_children()
+        compiler.run(Path(place.folder), [*command, *flags, "-c", f"{stem}.c", "-o", os.devnull])
+        least = min(least, _of_children() - begin)
+    return float(least)
+
+
+def _of_children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _compiled(many: Many, peer: str, ours: float, theirs: float, target: float | None) -> Row:
+    return {
+        "function": f"{MANY} motions, {COMPILING}",
+        "model": many.scene.name,
+        "peer": peer,
+        "ours_ns": 1e9 * ours,
+        "peer_ns": 1e9 * theirs,
+        "ratio": ours / theirs,
+        "target": target,
+        "met": None if target is None else ours / theirs <= target,
+        "ours": "the loop over lanes",
+    }
 
 
 def _taylor(place: Place) -> list[tuple[str, Ensemble]]:
@@ -381,8 +436,17 @@ def why(peer: str) -> str:
 def line(row: Row) -> str:
     target = f"{row['target']:.2f}" if row["target"] else "–"
     met = {True: "met", False: "MISSED", None: ""}[row["met"]]
-    times = f"{row['ours_ns'] / 1e3:9.2f}{row['peer_ns'] / 1e3:10.2f}{row['ratio']:9.3f}{target:>7}"
-    return f"{row['model']:10}{row['function']:22}{row['peer']:48}{times}  {met:7}{row['ours']}"
+    unit = 1e9 if row["function"].endswith(COMPILING) else 1e3  # s, or µs
+    times = (
+        f"{row['ours_ns'] / unit:9.2f}{row['peer_ns'] / unit:10.2f}{row['ratio']:9.3f}{target:>7}"
+    )
+    return f"{row['model']:10}{row['function']:24}{row['peer']:48}{times}  {met:7}{row['ours']}"
+
+
+def versions() -> str:
+    """Of the peers that are installed."""
+    there = [name for name in LIBRARIES if importlib.util.find_spec(name)]
+    return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in there)
 
 
 def main(names: Sequence[str]) -> int:
@@ -391,7 +455,7 @@ def main(names: Sequence[str]) -> int:
     if unknown:
         print(f"ensembles: no model {unknown[0]!r}; there are {', '.join(known)}", file=sys.stderr)
         return 2
-    print(f"heyoka {series.version()}; µs a motion, the least of {ROUNDS} rounds side by side")
+    print(f"{versions()}; µs a motion, the least of {ROUNDS} rounds side by side; compiling in s")
     pinned()
     for many in SCENES:
         if names and many.scene.name not in names:

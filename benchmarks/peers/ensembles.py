@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -30,6 +30,7 @@ class Ensemble:
     peer: str
     run: Callable[[float, np.ndarray], tuple[float, np.ndarray]]
     settings: Sequence[float] = TOLERANCES
+    compiled: list[float] = field(default_factory=list)  # seconds, each time that it was
 
 
 def timed(
@@ -53,11 +54,14 @@ def taylor(
     `back` are maps of rows."""
     wide = heyoka.recommended_simd_size()
     motions: dict[float, Any] = {}
+    compiled: list[float] = []
 
     def run(setting: float, x: np.ndarray) -> tuple[float, np.ndarray]:
         starts = np.ascontiguousarray(into(x).reshape(-1, wide, x.shape[1]).transpose(0, 2, 1))
         if setting not in motions:
+            begin = time.perf_counter()
             motions[setting] = heyoka.taylor_adaptive_batch(system, starts[0], tol=10.0**setting)
+            compiled.append(time.perf_counter() - begin)
         motion, ends = motions[setting], np.empty_like(starts)
         begin = time.process_time()
         for start, end in zip(starts, ends):
@@ -68,7 +72,7 @@ def taylor(
         seconds = time.process_time() - begin
         return seconds, back(ends.transpose(0, 2, 1).reshape(x.shape))
 
-    return Ensemble(peer, run)
+    return Ensemble(peer, run, compiled=compiled)
 
 
 def vmapped(folder: Path, module: ModuleType, u: np.ndarray, span: float) -> Ensemble:

@@ -156,7 +156,7 @@ def _compare(
     many = module.simulate((0.0, SPAN), x, **options)
     ones = [module.simulate((0.0, SPAN), start, **options) for start in x]
     assert not many.status.any()
-    _agree(module, name, many, ones, _tolerance(name, integrator))
+    _agree(name, many, ones, _tolerance(name, integrator))
     for counts, most in COUNTS.items() if integrator != NOISY else ():
         wanted = np.array([getattr(one, counts) for one in ones])
         assert np.all(abs(getattr(many, counts) - wanted) <= most), counts
@@ -179,8 +179,8 @@ def _integrators(enforcement: str) -> Sequence[str]:
     return EXPLICIT[:-1] if enforcement in STAGES else EXPLICIT
 
 
-def _agree(module: ModuleType, name: str, many: Any, ones: Sequence[Any], tolerance: float) -> None:
-    """Rows; along a frame, which is not the same to rounding, generalized velocities."""
+def _agree(name: str, many: Any, ones: Sequence[Any], tolerance: float) -> None:
+    """Rows; of motions along a frame, which is not the same to rounding, coordinates and work."""
     nq = program(formed(name)[0], ["dynamics"]).coordinates
     rows = np.array([one.x for one in ones])
     np.testing.assert_allclose(many.x[..., :nq], rows[..., :nq], rtol=tolerance, atol=tolerance)

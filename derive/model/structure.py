@@ -128,29 +128,31 @@ def _unknown_keys(found: Any, context: dict[str, Any], source: Source) -> Iterat
 
 # what other tools and textbooks call a key of ours
 _OTHER_WORDS = {
-    "force": "components",
-    "torque": "components",
-    "moment": "components",
-    "vector": "components",
-    "value": "components",
-    "point": "at",
-    "position": "at",
-    "k": "stiffness",
-    "c": "coefficient",
-    "damping": "coefficient",
-    "bodies": "between",
-    "length": "rest",
-    "rest": "length",
-    "formula": "expression",
-    "law": "expression",
+    "force": ("components",),
+    "torque": ("components",),
+    "moment": ("components",),
+    "vector": ("components",),
+    "value": ("components",),
+    "point": ("at",),
+    "position": ("at",),
+    "k": ("stiffness",),
+    "c": ("coefficient",),
+    "damping": ("coefficient",),
+    "bodies": ("between",),
+    "from": ("parent", "between"),
+    "to": ("child", "between"),
+    "length": ("rest",),
+    "rest": ("length",),
+    "formula": ("expression",),
+    "law": ("expression",),
 }
 
 
 def _near_key(name: str, keys: Collection[str]) -> str:
     if name.count(")") > name.count("("):  # the rest of {tension: max(a, b)}
         return 'inside { } and [ ] a formula with a comma stands in quotes: "max(a, b)"'
-    other = _OTHER_WORDS.get(name)
-    return f"did you mean '{other}'?" if other in keys else did_you_mean(name, keys)
+    others = [word for word in _OTHER_WORDS.get(name, ()) if word in keys]
+    return f"did you mean '{others[0]}'?" if others else did_you_mean(name, keys)
 
 
 def _tags(context: dict[str, Any]) -> list[str]:

@@ -67,10 +67,17 @@ class Typesetter:
     def __init__(self, names: Mapping[Expr, str], parameters: int = 0) -> None:
         self.names, self.parameters = names, parameters
         self._order: dict[sympy.Basic, int] = {}
+        # what comes again and again, such as the lengths of springs in a row of them; names are
+        # only ever added, so that nothing here becomes wrong
+        self._written: dict[Expr, str] = {}
+        self._ranked: dict[Expr, tuple[tuple[bool, int], ...]] = {}
+        self._places: dict[sympy.Basic, tuple[bool, int]] = {}
 
     def latex(self, x: Expr) -> str:
         """An expression as LaTeX."""
-        return self._sum(x) if x.is_Add else self._product(x)
+        if x not in self._written:
+            self._written[x] = self._sum(x) if x.is_Add else self._product(x)
+        return self._written[x]
 
     def pieces(self, x: Expr, line: int = PIECE) -> tuple[str, ...]:
         """The formula in pieces between which a line may end, broken between the terms of sums and
@@ -139,14 +146,23 @@ class Typesetter:
         return term.could_extract_minus_sign(), term.is_Number, self._ranks(term), _Spelling(term)
 
     def _ranks(self, x: Expr) -> tuple[tuple[bool, int], ...]:
-        return tuple(sorted(self._rank(s) for s in x.free_symbols))
+        if x not in self._ranked:
+            self._ranked[x] = tuple(sorted(self._rank(s) for s in x.free_symbols))
+        return self._ranked[x]
 
     def _rank(self, s: sympy.Basic) -> tuple[bool, int]:
         """Parameters, entries of matrices, then everything else as it was declared."""
+        if s not in self._places:
+            place = self._place(s)
+            early = place < self.parameters or _ENTRY.fullmatch(str(s)) is not None
+            self._places[s] = (not early, place)
+        return self._places[s]
+
+    def _place(self, s: sympy.Basic) -> int:
+        """Where its name was declared."""
         if len(self._order) != len(self.names):
             self._order = {s: i for i, s in enumerate(self.names)}
-        place = self._order[s]
-        return place >= self.parameters and not _ENTRY.fullmatch(str(s)), place
+        return self._order[s]
 
     def _product(self, x: Expr) -> str:
         """Sign, then numerator over denominator."""

@@ -7,12 +7,15 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from derive.textbook import html, latex
+from derive.textbook.derivation import derivation
+from derive.textbook.write_html import page
+from derive.textbook.write_latex import article
 from hamel.build.files import write_text
 from hamel.build.stages import equations_of
 from hamel.build.typeset import typeset
 from hamel.draw.mechanism import picture, svg, tikz
-from hamel.live import live_of, page
+from hamel.live import live_of
+from hamel.live import page as live_page
 from hamel.records import Derived
 
 if TYPE_CHECKING:
@@ -35,9 +38,10 @@ def run(
     drawing = picture(equations.system)
     pages = {"html": folder / "derivation.html", "tex": folder / "derivation.tex"}
     figure = svg(drawing) if drawing else ""
-    shown = page(live_of(equations, roads), figure) if live else html(equations, figure, roads)
+    document = derivation(equations, roads)
+    shown = live_page(live_of(equations, roads), figure) if live else page(document, figure)
     write_text(pages["html"], shown)
-    text = latex(equations, tikz(drawing) if drawing else "", roads)
+    text = article(document, tikz(drawing) if drawing else "")
     write_text(pages["tex"], text)
     if pdf:
         pages["pdf"] = folder / "derivation.pdf"

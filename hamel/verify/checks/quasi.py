@@ -64,6 +64,8 @@ def masses(e: Evidence) -> float | None:
 
 def biases(e: Evidence) -> float | None:
     """Sᵀ (M σ + h − Q(u = 0)) with the reference's M, h, Q and σ = v̇ − S ẇ."""
+    if not e.graph.has("bias_w"):
+        return None
     wanted = [_over_w(e, k, _idle) for k in range(len(e.samples))]
     return _forces(e, "bias_w", wanted)
 

@@ -1181,6 +1181,20 @@ ERRORS = [
         "did you mean 'length'?",
     ),
     (
+        "ends_of_a_spring",
+        TREE + "loads: {s: {type: spring, «from: [a, b], at: [[0, 0], [0, 0]], stiffness: 1}}\n",
+        "unknown key 'from'",
+        "between",
+        "did you mean 'between'?",
+    ),
+    (
+        "ends_of_a_joint",
+        BAR + BODY + "joints: {J: {type: revolute, «from: ground, child: b}}\n",
+        "unknown key 'from'",
+        "parent",
+        "did you mean 'parent'?",
+    ),
+    (
         "separator",
         BAR + BODY + "joints: {J: {type: planar, parent: ground, child: b}}\ninitial: {«J.x: 1}\n",
         "unknown coordinate or velocity 'J.x'",

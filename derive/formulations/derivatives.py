@@ -11,6 +11,7 @@ Evaluating Derivatives, 2nd ed., SIAM 2008 (forward and adjoint products, chapte
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
@@ -65,12 +66,13 @@ def derivatives(
         return ()
     slots = {argument.name: argument for argument in arguments}
     ways = Ways(dynamics, slots, mechanics)
+    by = slots | {"p": _parameters(slots["p"], mechanics)}
     return (
         *(
             request
             for name in "xup"
-            if slots[name].labels
-            for request in _jacobians(dynamics, slots[name], ways)
+            if by[name].labels
+            for request in _jacobians(dynamics, by[name], ways)
         ),
         Request("derivatives", ALL, lambda: _all(dynamics, slots, ways)),
         Request("jacobian_t", RATE, lambda: _rate(dynamics, slots["t"])),
@@ -148,6 +150,14 @@ class Ways:
 def _slopes(slots: dict[str, Argument]) -> tuple[str, ...]:
     """What a step's sensitivity calls besides."""
     return ("jacobian_forward", *(("jacobian_u",) if slots["u"].labels else ()))
+
+
+def _parameters(p: Argument, mechanics: tuple[System, Motion] | None) -> Argument:
+    """Those of the model, without the directions of a frame behind them."""
+    if mechanics is None or mechanics[1].frame is None:
+        return p
+    count = len(p.labels) - len(mechanics[1].frame.labels)
+    return replace(p, symbols=p.symbols[:count], labels=p.labels[:count], units=p.units[:count])
 
 
 def _jacobians(dynamics: Function, by: Argument, ways: Ways) -> tuple[Request, Request]:

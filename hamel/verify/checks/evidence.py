@@ -427,15 +427,18 @@ class Evidence:
             return tuple(np.concatenate([s.q, other.q]) for s, other in zip(self.samples, others))
         if name == "normalise":
             return tuple(1.1 * s.q for s in self.samples)
-        return self._with_seeds(name)
+        if name in ("regressor_w", "regressor_rest_w"):  # of first-order states they take none
+            mechanical = len(self.samples[0].q) + len(self.units.w)
+            return self._with_seeds(name, [x[:mechanical] for x in self.x])
+        return self._with_seeds(name, self.x)
 
-    def _with_seeds(self, name: str) -> tuple[Array, ...]:
+    def _with_seeds(self, name: str, rows: Sequence[Array]) -> tuple[Array, ...]:
         """The state, and behind it random directions where the function takes some."""
         taken = self.graph.equations.function(name).x
         if taken is None:
             return self.x
         rng = np.random.default_rng(5)
-        return tuple(np.append(x, rng.normal(size=taken.symbols.numel() - len(x))) for x in self.x)
+        return tuple(np.append(x, rng.normal(size=taken.symbols.numel() - len(x))) for x in rows)
 
     def named(self, name: str, graph: Evaluator | None = None) -> list[Array] | None:
         """A named intermediate (S, R, Y, B …) at every state, or None where the choice has none of

@@ -168,3 +168,10 @@ def test_a_function_alone_takes_the_parameters_of_the_file() -> None:
         x = np.linspace(0.1, 0.5, made.nx)
         assert len(own) < made.np_ and callable(made.rebase)
         np.testing.assert_array_equal(made.mass_w(0.0, x, (), own), made.mass_w(0.0, x))
+
+
+def test_derivatives_by_parameters_are_those_of_the_model(snake: System) -> None:
+    found = equations(snake, "orthonormal", moving=True)
+    taken, own = len(found.argument("p").labels), len(snake.model.parameters)
+    assert taken > own  # the frame is behind them
+    assert found.request("jacobian_p").function.result.value.shape[1] == own

@@ -17,12 +17,13 @@ from codegen.passes import program
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator, function_of
-from derive.model import load_text
+from derive.model import load, load_text
 from derive.states import system
 from hamel.verify.checks import regressor
 from hamel.verify.checks.evidence import Evidence
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence, results
+from tests.scenes import MODELS
 
 NAMES = (
     "standard_parameters", "regressor", "regressor_rest", "regressor_w", "regressor_rest_w",
@@ -187,3 +188,12 @@ def test_a_force_that_uses_a_reaction_is_refused():
     found = equations(system(load_text(text)))
     with pytest.raises(AssumptionError, match="uses reactions"):
         function_of(found, found.request("regressor_rest").function)
+
+
+def test_first_order_states_are_no_part_of_what_a_regressor_takes() -> None:
+    found = equations(system(load(MODELS / "gallery" / "muscle_activation.yaml")))
+    added = found.request("regressor_w").function
+    full = replace(found, functions=(*found.functions, added))
+    e = evidence(reference(found.system.model), full, None, 3)
+    assert [len(x) for x in e.arguments_of("regressor_w")] == [3, 3, 3]  # (q, w, ẇ)
+    assert red(e) == set()

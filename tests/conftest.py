@@ -1,7 +1,13 @@
 """What holds for all tests: of a test that loops over models, methods or cases, the longest runs
-take part only when slow tests run, and every kind keeps one that is quick."""
+take part only when slow tests run, and every kind keeps one that is quick. Modules are compiled
+without optimisation, which is most of the compiler's time; with it where the compiled code itself
+is looked at, and in all tests on request."""
+
+from collections.abc import Iterator
 
 import pytest
+
+from tests.compilation import unoptimised
 
 LONG = {
     "": ("waveboard",),
@@ -214,10 +220,12 @@ LONG = {
         "in_space",
         "bricard",
     ),
-    "test_second_derivatives_are_slopes_of_the_first": ("dynamics_hessian-delta_robot",),
+    "test_second_derivatives_are_slopes_of_the_first": ("delta_robot",),
     "test_derivatives_are_slopes_of_dynamics": ("delta_robot",),
     "test_every_check_looks_and_is_green": ("bicycle",),
     "test_a_row_goes_through_flat_positions_as_one_pendulum": ("crank",),
+    "test_what_arrives_is_right": ("crank",),
+    "test_lanes_and_numpy_go_the_same_way": ("crank",),
     "test_deviations_count_what_the_filter_leaves_from_row_to_row": (
         "12.0",
         "16.0",
@@ -248,7 +256,7 @@ LONG = {
     ),
     "test_wrong_products_of_derivatives_are_caught": ("dynamics_hessian",),
     "test_rows_are_those_of_one_motion": (
-        *("velocities", "rolling", "fed_back", "stabilised", "parameters", "frame"),
+        *("velocities", "rolling", "fed_back", "stabilised", "parameters", "frame", "snake"),
     ),
     "test_every_road_prints_what_is_compiled_and_comes_to_the_same_equations": ("bead_on_wire",),
     "test_the_unreduced_equations_agree_and_have_their_spurious_zeros": ("bicycle",),
@@ -259,6 +267,7 @@ LONG = {
 SLOW = frozenset(
     {
         "test_rows",
+        "test_a_wrong_reference_is_noticed",
         "test_sizes_are_those_of_the_results",
         "test_a_stiff_motion_is_made_by_radau",
         "test_a_module_has_them_verified",
@@ -353,6 +362,19 @@ SLOW = frozenset(
         "test_the_first_rows_tell_the_shortest_way_of_writing_all",
     }
 )
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--optimised", action="store_true", help="compile as builds do, in all tests")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _compiled(request: pytest.FixtureRequest) -> Iterator[None]:
+    if request.config.getoption("--optimised") or request.node.get_closest_marker("optimised"):
+        yield
+        return
+    with unoptimised():
+        yield
 
 
 def pytest_collection_modifyitems(items):

@@ -25,6 +25,7 @@ from derive.states import system
 from derive.states.initial import Initial, initial_state
 from hamel.build.module import published
 from hamel.simulate.exact import state_of
+from tests.compilation import unoptimised
 from tests.scenes import MODELS
 
 # A particle on an ellipsoid, held to one side by a spring: two degrees of freedom behind one
@@ -59,6 +60,7 @@ WRITTEN_HERE = {"ellipsoid": ELLIPSOID, "cart": CART}
 LOSSES = re.compile(r"(type: damper.*coefficient: )\S+")
 ALPHA = 10.0
 NAMED = {enforcement.name: enforcement for enforcement in ENFORCEMENTS}
+FOLDERS = tempfile.TemporaryDirectory(prefix="hamel-methods-")  # until the process ends
 ALONE = ("invariants_euclidean",)  # has no place beside another metric in one module
 
 
@@ -123,9 +125,8 @@ def module(model: str, formulation: str, own: str = "") -> ModuleType:
         functions = [f.name for f in found.functions if f.name in wanted]
         functions += ["reactions"] * (formulation == "augmented" and bool(found.system.rows))
     integrators = tuple(integrator.name for integrator in INTEGRATORS)
-    return quickly_built(
-        found, functions, integrators, names, Path(tempfile.mkdtemp(prefix="hamel-methods-"))
-    )
+    folder = Path(tempfile.mkdtemp(dir=FOLDERS.name))
+    return quickly_built(found, functions, integrators, names, folder)
 
 
 def quickly_built(
@@ -136,13 +137,10 @@ def quickly_built(
     folder: Path,
 ) -> ModuleType:
     """Compiled in a hurry: these motions are short, and few calls go through Python."""
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, unoptimised():
         patch.setattr(
             "codegen.passes.improve.LONGEST_FUNCTION", 0
         )  # operations above which a function is improved once only
-        patch.setattr(compiler, "FLAGS", tuple(flag for flag in compiler.FLAGS if flag != "-O2"))
-        patch.setattr(compiler, "BATCH", ())
-        patch.setattr(compiler, "STEPS", ())
         patch.setattr(compiler, "headers", list)
         return loader.load(
             published(

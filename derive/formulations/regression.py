@@ -48,10 +48,15 @@ class Rest:
         self.vdot = _rates(_velocities(system))
 
     @cached_property
+    def _any(self) -> ca.SX:
+        """nv × 1. Raises AssumptionError where forces use reactions."""
+        return mechanics.rest(self._system, self.vdot)
+
+    @cached_property
     def forces(self) -> ca.SX:
         """nv × 1. Raises AssumptionError where first-order states act, which no measured motion
         holds, or forces use reactions."""
-        system, forces = self._system, mechanics.rest(self._system, self.vdot)
+        system, forces = self._system, self._any
         if system.z.numel() and ca.depends_on(forces, system.z):
             names = listed(state.name for state in system.model.states)
             raise AssumptionError(
@@ -69,17 +74,27 @@ class Rest:
         """Raises what `forces` raises."""
         _ = self.forces
 
+    def check_linear(self) -> None:
+        """Raises AssumptionError where Y π and the rest are not all of inverse dynamics, for forces
+        use reactions."""
+        _ = self._any
+
 
 def _over_v(system: System, rest: Rest) -> Iterator[Request]:
     yield Request("standard_parameters", VALUES, lambda: _values(system))
-    yield Request("regressor", REGRESSOR, lambda: _regressor(system))
+    yield Request("regressor", REGRESSOR, lambda: _regressor(system), condition=rest.check_linear)
     yield Request("regressor_rest", REST, lambda: _rest(system, rest), condition=rest.check)
 
 
 def _over_w(system: System, motion: Motion, of: Minimal | None, rest: Rest) -> Iterator[Request]:
     if of is None or not motion.names:
         return
-    yield Request("regressor_w", REGRESSOR_W, lambda: _regressor_w(system, motion, of))
+    yield Request(
+        "regressor_w",
+        REGRESSOR_W,
+        lambda: _regressor_w(system, motion, of),
+        condition=rest.check_linear,
+    )
     yield Request(
         "regressor_rest_w",
         REST_W,

@@ -14,6 +14,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from codegen.reals import FLOAT64
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.evaluate import slots_of
 from derive.formulations.records import Equations, Function
@@ -27,7 +28,7 @@ from hamel.verify.checks.check import Check
 from hamel.verify.checks.code import NEARLY
 from hamel.verify.checks.compare import worst
 from hamel.verify.checks.duals import tangents
-from hamel.verify.checks.evidence import Evidence, Row, Sample, margins
+from hamel.verify.checks.evidence import Evidence, Row, Sample, margins, roundoff
 from hamel.verify.checks.motion import best_conditioned
 from hamel.verify.limits import FLOOR
 from hamel.verify.reference.vectors import Array
@@ -129,12 +130,12 @@ def _along(e: Evidence, name: str, k: int, directions: Array) -> Array:
     return tangents(slots_of(equations, function), function.result.value, place, directions)
 
 
-def _error(got: Array, wanted: Array, here: Array) -> float:
+def _error(got: Array, wanted: Array, here: Array, doubt: Array | float = 0.0) -> float:
     """Against the size of the column or, where that is next to nothing, of what is differentiated:
-    `here`."""
+    `here`. What is in `doubt` is no error: sharp bends cancel in their second derivatives."""
     largest = np.max(np.abs(wanted), initial=0.0)
     size = np.abs(wanted) + FLOOR * largest + NEXT_TO_NOTHING * (1.0 + np.abs(here))
-    return worst((got - wanted) / size)
+    return worst((got - wanted) / (size + doubt / EXACT))
 
 
 def _function(e: Evidence) -> Function:
@@ -299,8 +300,12 @@ def _slopes_of_forward(e: Evidence, k: int) -> float:
     rows = e.units.x / e.units.time
     value = ca.Function("along", slots, [along])(s.t, x, s.u, s.p)
     here = np.array(value).ravel() / rows
-    pairs = zip(ours.T, wanted.T)
-    return worst([_error(a / rows, b / rows, here) for a, b in pairs]) / _growth(e, k)
+    # twice a bound of ours is one of both
+    (lost,) = 2.0 * roundoff(e.graph, OF_FORWARD, [(s.t, given, s.u, s.p)], FLOAT64)
+    doubts = lost.reshape(ours.shape) * units
+    columns = zip(ours.T, wanted.T, doubts.T)
+    errors = [_error(a / rows, b / rows, here, doubt / rows) for a, b, doubt in columns]
+    return worst(errors) / _growth(e, k)
 
 
 def curvature(e: Evidence) -> float | None:

@@ -13,7 +13,7 @@ from hamel.verify.checks.compare import Sums, deviation, sizes, slope, worst
 from hamel.verify.checks.evidence import Evidence, Sample, roundoff
 from hamel.verify.checks.identities import DIFFERENCES, step
 from hamel.verify.limits import SOLVED
-from hamel.verify.reference.outcome import Outcome, evaluate, mass, state_of
+from hamel.verify.reference.outcome import evaluate, mass, state_of, still_forces
 from hamel.verify.reference.vectors import Array
 
 
@@ -75,7 +75,7 @@ def weights(e: Evidence) -> float | None:
     if not e.graph.has("gravity_w"):
         return None
     S = partial_velocities(e)
-    return _forces(e, "gravity_w", [each.T @ _at_rest(e, s).h for s, each in zip(e.samples, S)])
+    return _forces(e, "gravity_w", [each.T @ _still(e, s) for s, each in zip(e.samples, S)])
 
 
 def input_maps(e: Evidence) -> float | None:
@@ -165,11 +165,7 @@ def _idle(e: Evidence, s: Sample) -> Array:
 
 def _still(e: Evidence, s: Sample) -> Array:
     """h at rest."""
-    return _at_rest(e, s).h
-
-
-def _at_rest(e: Evidence, s: Sample) -> Outcome:
-    return evaluate(e.reference, state_of(e.reference, s.t, s.q, np.zeros_like(s.v), s.u, s.full))
+    return still_forces(e.reference, s.state)
 
 
 def _over_w(e: Evidence, k: int, rest: Rest) -> Array:

@@ -23,9 +23,9 @@ EXACT = 1e-11
 # Beyond ten times its own estimate; the solution itself is good to a hundredth of that.
 NEAR = 1e-9
 # Central differences over 1e-3 and half of it, extrapolated: 1e-12 by the fifth derivative, 1e-13
-# of rounding over 1e-3; more where the condition of M and A is in both.
+# of rounding over 1e-3; more where the condition of M and A is in both, or a formula bends sharply.
 SLOPES = 1e-7
-MOVED = 1e-3  # in the model's own units
+LENGTHS = (1e-3, 1e-4, 1e-5)  # of a difference, in the model's own units
 
 Rates = Callable[[float, Array], Array]
 
@@ -64,8 +64,8 @@ def slopes(e: Evidence) -> float | None:
         d = rng.normal(size=len(x) + len(u)) * np.append(e.units.x, np.ones(len(u)))
         for method in METHODS:
             ours = sensitivity(t, np.append(x, h), u, p, method=method) @ d
-            wanted = _difference(step, row, h, d, method)
-            errors.append(worst((ours - wanted) / _scale(e, wanted)))
+            wanted, doubt = _difference(step, row, h, d, method)
+            errors.append(worst((ours - wanted) / (_scale(e, wanted) + doubt / SLOPES)))
     return worst(errors) if errors else None
 
 
@@ -125,7 +125,11 @@ def _scale(e: Evidence, x: Array) -> Array:
     return np.maximum(e.units.x, np.abs(x))
 
 
-def _difference(step: Callable[..., Array], row: Row, h: float, d: Array, method: str) -> Array:
+def _difference(
+    step: Callable[..., Array], row: Row, h: float, d: Array, method: str
+) -> tuple[Array, Array]:
+    """The slope along d, and how far two of its kind are apart. Entries that bend within the usual
+    length have a better slope over a shorter one."""
     t, x, u, p = row
 
     def central(part: float) -> Array:
@@ -135,7 +139,15 @@ def _difference(step: Callable[..., Array], row: Row, h: float, d: Array, method
         ]
         return (ends[0] - ends[1]) / (2 * part)
 
-    return (4 * central(MOVED / 2) - central(MOVED)) / 3
+    def extrapolated(part: float) -> Array:
+        return (4 * central(part / 2) - central(part)) / 3
+
+    found = [(extrapolated(part), extrapolated(part / 2)) for part in LENGTHS]
+    values = np.array([fine for _, fine in found])
+    doubts = np.array([np.abs(fine - coarse) for coarse, fine in found])
+    best = np.argmin(doubts, axis=0)[None]
+    slope, doubt = (np.take_along_axis(x, best, axis=0)[0] for x in (values, doubts))
+    return slope, doubt
 
 
 CHECKS = (

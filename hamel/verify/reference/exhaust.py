@@ -22,12 +22,12 @@ def lost(model: Model, name: str, state: State) -> Body:
     body = next(body for body in model.bodies if body.name == name)
     return replace(
         body,
-        mass=_rate(model, body.mass, state),
-        inertia=tuple(_rate(model, moment, state) for moment in body.inertia),  # type: ignore[arg-type]
+        mass=time_derivative(model, body.mass, state),
+        inertia=tuple(time_derivative(model, moment, state) for moment in body.inertia),  # type: ignore[arg-type]
     )
 
 
-def _rate(model: Model, formula: tree.Expression, state: State) -> tree.Expression:
+def time_derivative(model: Model, formula: tree.Expression, state: State) -> tree.Expression:
     """∂/∂t of a formula of parameters, t, tables and definitions of these."""
     functions = {**symbolic(), **symbolic_tables(model.tables)}
     t = sympy.Symbol("t")

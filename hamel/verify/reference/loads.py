@@ -3,7 +3,7 @@ their power."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from itertools import chain
 
@@ -29,7 +29,7 @@ from derive.model.load_records import (
 from derive.model.named_frames import frame_named
 from derive.model.records import GROUND, Body, Load, Model
 from hamel.verify.reference.contact import pressing
-from hamel.verify.reference.exhaust import lost
+from hamel.verify.reference.exhaust import lost, time_derivative
 from hamel.verify.reference.jets import Jet, dot, joint_frame, product
 from hamel.verify.reference.layout import Layout
 from hamel.verify.reference.paths import pull
@@ -95,17 +95,26 @@ class Lagrange:
 def applied(model: Model, place: Layout, state: State, nonideal: bool = True) -> Applied:
     """Gravity, loads, inputs and, unless left out, the constraints' own nonideal forces and the
     loads that use reactions, summed."""
-    gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
-    still = _at_rest(model)
-    weights = (
-        _weight(gravity, body, place, state) for body in model.bodies if body.name not in still
-    )
     loads = (
         _load(load, model, place, state)
         for load in model.loads
         if nonideal or not uses_reactions(load)
     )
-    return _summed(place, chain(weights, loads, [_drive(model, place, state, nonideal)]))
+    driving = _drive(model, place, state, nonideal)
+    return _summed(place, chain(_weights(model, place, state), loads, [driving]))
+
+
+def weight(model: Model, place: Layout, state: State) -> Array:
+    """Gravity alone, along z."""
+    return _summed(place, _weights(model, place, state)).weight
+
+
+def _weights(model: Model, place: Layout, state: State) -> Iterator[_Part]:
+    gravity = np.zeros(3) if model.gravity is None else state.vector(model.gravity)
+    still = _at_rest(model)
+    for body in model.bodies:
+        if body.name not in still:
+            yield _weight(gravity, body, place, state)
 
 
 def _summed(place: Layout, parts: Iterable[_Part]) -> Applied:
@@ -120,18 +129,21 @@ def _summed(place: Layout, parts: Iterable[_Part]) -> Applied:
     return Applied(**total, V=V, summed=summed)
 
 
+def names_in(record: object) -> Iterator[str]:
+    """The names that the formulas of a record use, and those of what is in it."""
+    if isinstance(record, tree.Expression):
+        yield from (node.name for node in tree.walk(record) if isinstance(node, tree.Name))
+    elif isinstance(record, tuple):
+        for entry in record:
+            yield from names_in(entry)
+    elif is_dataclass(record):
+        for field in fields(record):
+            yield from names_in(getattr(record, field.name))
+
+
 def uses_reactions(record: object) -> bool:
     """Whether a formula of a record, or of what is in it, names a reaction."""
-    if isinstance(record, tree.Expression):
-        return any(
-            isinstance(node, tree.Name) and node.name.startswith("reaction.")
-            for node in tree.walk(record)
-        )
-    if isinstance(record, tuple):
-        return any(map(uses_reactions, record))
-    if is_dataclass(record):
-        return any(uses_reactions(getattr(record, field.name)) for field in fields(record))
-    return False
+    return any(name.startswith("reaction.") for name in names_in(record))
 
 
 def _at_rest(model: Model) -> set[str]:
@@ -197,10 +209,11 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> _Part:
             arm = state.frames[load.body].point(state.vector(load.point))
             return _on_body(place, load.body, _wrench(arm, _components(load, state)))
         case Exhaust():
-            frame, left = state.frames[load.body], lost(model, load.body, state)
+            frame = state.frames[load.body]
+            rate = state.value(time_derivative(model, load.mass, state))
             jet = frame.rotation @ state.vector(load.velocity)
             arm = frame.point(state.vector(load.point))
-            return _on_body(place, load.body, _wrench(arm, state.value(left.mass) * jet))
+            return _on_body(place, load.body, _wrench(arm, rate * jet))
         case Torque():
             return _on_body(
                 place, load.body, np.concatenate([_components(load, state), np.zeros(3)])

@@ -21,6 +21,7 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
+from derive.expressions.tree import Expression
 from derive.model.constraint_records import Holonomic, Nonholonomic, OnSurface
 from derive.model.load_records import Armature
 from derive.model.records import GROUND, Model
@@ -33,8 +34,10 @@ from hamel.verify.reference.loads import (
     Lagrange,
     applied,
     body_inertia,
+    names_in,
     shrinking,
     uses_reactions,
+    weight,
 )
 from hamel.verify.reference.measures import values
 from hamel.verify.reference.rows import RowsOf, constraint_rows, joint_blocks
@@ -242,6 +245,28 @@ def evaluate(ref: Reference, s: State) -> Outcome:
     return _evaluated(ref, replace(s, names=s.names | _reactions(ref, ideal.lam)), nonideal=True)
 
 
+def still_forces(ref: Reference, s: State) -> Array:
+    """h at rest (nv), of the positions of a state. Loads are left out, with the definitions that
+    they alone use: h has none of them, and at rest some have no value (tyres slip by 0/0)."""
+    bare = replace(ref, model=_without_loads(ref.model))
+    still = state_of(bare, s.t, s.q, np.zeros_like(s.v), s.u, s.p)
+    kin, bodies = kinematics(bare, still), _bodies(bare, still)
+    own_weight = weight(bare.model, bare.place, still)
+    return _own_forces(bare, bare.lagrange(still), own_weight, kin, bodies)
+
+
+def _without_loads(model: Model) -> Model:
+    """And without the definitions that neither bodies nor what holds them use."""
+    holding = (model.gravity, model.bodies, model.joints, model.closures, model.constraints)
+    used = set(names_in((*holding, model.frames, model.paths)))
+    kept: list[tuple[str, Expression]] = []
+    for name, formula in reversed(model.definitions):  # each uses earlier ones
+        if name in used:
+            used.update(names_in(formula))
+            kept.append((name, formula))
+    return replace(model, loads=(), definitions=tuple(reversed(kept)))
+
+
 def _uses_reactions(model: Model) -> bool:
     own = [x.nonideal for x in model.constraints if isinstance(x, Holonomic | Nonholonomic)]
     return uses_reactions((*own, *model.loads))
@@ -259,10 +284,8 @@ def _evaluated(ref: Reference, s: State, nonideal: bool) -> Outcome:
         kinematics(ref, s),
     )
     bodies, nv = _bodies(ref, s), ref.place.nv
-    M, F = _mass(ref, s, kin, bodies), _forces(ref, analytic, loads, bodies)
-    springs_and_others = loads.springs + loads.other
-    Q = _over_v(kin, springs_and_others)
-    h = _over_v(kin, springs_and_others - F) + kin.J.T @ _inertial(bodies, kin.drift[:, None])[:, 0]
+    M, h = _mass(ref, s, kin, bodies), _own_forces(ref, analytic, loads.weight, kin, bodies)
+    Q = _over_v(kin, loads.springs + loads.other)
     rank = rank_of(kin.A)
     solution, residual = solved(
         saddle(M, kin.A), np.concatenate([Q - h, kin.beta]), redundant=rank < len(kin.A)
@@ -337,10 +360,12 @@ def _mass(ref: Reference, s: State, kin: Kinematics, bodies: Bodies) -> Array:
     return ref.lagrange(s).inertia + np.diag(rotors(ref, s)) + kin.J.T @ _inertial(bodies, kin.J)
 
 
-def _forces(ref: Reference, analytic: Lagrange, loads: Applied, bodies: Bodies) -> Array:
-    """F (nz): everything but K ż and the multipliers."""
-    F = np.array(loads.total)
-    F[: len(analytic.force)] += analytic.force
+def _own_forces(
+    ref: Reference, analytic: Lagrange, weight: Array, kin: Kinematics, bodies: Bodies
+) -> Array:
+    """h (nv): what inertia demands at v̇ = 0, less gravity and what the formulas give."""
+    along_z = np.array(weight)
+    along_z[: len(analytic.force)] += analytic.force
     for body, (_, _, gyroscopic) in zip(ref.model.bodies, bodies):
-        F[ref.place.twist(body.name)] -= gyroscopic
-    return F
+        along_z[ref.place.twist(body.name)] -= gyroscopic
+    return kin.J.T @ _inertial(bodies, kin.drift[:, None])[:, 0] - _over_v(kin, along_z)

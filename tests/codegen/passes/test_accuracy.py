@@ -27,7 +27,10 @@ from hamel.build.module import published
 from tests.scenes import MODELS
 
 MOST = 4.0
-pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+pytestmark = [
+    pytest.mark.optimised,
+    pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler"),
+]
 
 EXACT: dict[int, Callable[..., Any]] = {
     ca.OP_ADD: lambda a, b: a + b, ca.OP_SUB: lambda a, b: a - b, ca.OP_MUL: lambda a, b: a * b, ca.OP_DIV: lambda a, b: a / b,

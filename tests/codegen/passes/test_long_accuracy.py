@@ -20,6 +20,8 @@ from hamel.build.module import published
 from hamel.build.stages import equations_of
 from tests.trees import chain
 
+pytestmark = pytest.mark.optimised
+
 MOST = 4.0
 GRAVITY = "9.81"
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")

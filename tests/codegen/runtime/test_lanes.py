@@ -24,7 +24,10 @@ from hamel.build.module import published
 from tests.scenes import MODELS, derived, equations_of_text
 from tests.toy import circle
 
-pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+pytestmark = [
+    pytest.mark.optimised,
+    pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler"),
+]
 EXPLICIT = (*(x.name for x in INTEGRATORS if isinstance(x, Tableau)), SERIES)
 STEPS = {"rk4": 0.01}
 # The weights of verner9's error estimate are large: in short steps it is rounding, and moves the

@@ -17,6 +17,8 @@ from codegen.passes.lanes import LIBRARY
 from codegen.reals import REALS
 from codegen.targets.c import _MADE_OF  # type: ignore[reportPrivateUsage]
 
+pytestmark = pytest.mark.optimised
+
 HEAD = """#include <math.h>
 #include <stdint.h>
 #include <string.h>

@@ -38,6 +38,8 @@ from derive.states import system
 from hamel.build.module import published
 from hamel.build.stages import program_of
 
+pytestmark = pytest.mark.optimised
+
 ROOT = Path(__file__).parents[3]
 N = 5
 LONGER = 7

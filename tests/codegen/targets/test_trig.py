@@ -26,6 +26,8 @@ from hamel.build.module import published
 from tests.scenes import derived
 from tests.toy import turning
 
+pytestmark = pytest.mark.optimised
+
 needs_compiler = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 
 

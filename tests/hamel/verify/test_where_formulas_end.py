@@ -1,0 +1,88 @@
+"""Checks where formulas have no value, or bend within a length that differences step across.
+
+Of hamel.verify.checks: quasi, linear, steps.
+Of hamel.verify.reference: outcome, loads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import hamel
+from codegen import compiler
+from derive.formulations import equations
+from derive.model import load_text
+from derive.states import system
+from hamel.verify.checks import linear, quasi
+from hamel.verify.checks.check import Check
+from hamel.verify.checks.evidence import Evidence
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence, results
+
+# at rest the slip of the tyre is 0/0, in a load and in a definition
+TYRE = """
+model: tyre
+plane: xy
+gravity: [2 m/s^2, -9.81 m/s^2]
+parameters: {C: 60 N}
+bodies: {cart: {mass: 3 kg, com: [0.1 m, 0], inertia: 0.4}, rod: {mass: 1 kg, com: [0.3 m, 0], inertia: 0.1}}
+joints:
+  base: {type: planar, parent: ground, child: cart, coordinates: [x, y, yaw]}
+  pin: {type: revolute, parent: cart, child: rod, at: [0.2 m, 0], coordinate: bend}
+where:
+  ahead: "dot(velocity(rod), direction(rod, x))"
+  slip: "atan(dot(velocity(rod), direction(rod, y))/ahead)"
+  weightless: bend/der(bend)
+loads: {side: {type: force, body: rod, components: [0, -C*slip], frame: body}}
+initial: {base.vx: 1 m/s}
+"""
+# a rope that slackens over 50 micrometres
+ROPE = """
+model: rope
+plane: xz
+gravity: [0, -9.81 m/s^2]
+parameters: {k: 2e4 N/m}
+bodies: {slide: {mass: 1 kg}, load: {mass: 5 kg}}
+joints:
+  along: {type: prismatic, parent: ground, child: slide, axis: x, coordinate: x}
+  up: {type: prismatic, parent: slide, child: load, axis: z, coordinate: z}
+where: {length: "sqrt(x^2 + z^2)", pull: "ramp(k*(length - 1 m), 1 N)/length"}
+inputs: {push: {joint: along}}
+loads:
+  aside: {type: expression, joint: along, expression: -pull*x}
+  hold: {type: expression, joint: up, expression: -pull*z}
+initial: {x: 0.3 m, z: -0.95 m}
+"""
+
+
+def seen(text: str, *names: str) -> Evidence:
+    model = load_text(text)
+    found = equations(system(model))
+    asked = tuple(found.request(name).function for name in names)
+    full = replace(found, functions=(*found.functions, *asked))
+    return evidence(reference(model), full, None, 10)
+
+
+def verdicts(e: Evidence, checks: tuple[Check, ...]) -> dict[str, bool]:
+    return {result.name: result.passed for result in results(e, checks)}
+
+
+def test_forces_at_rest_do_not_need_what_has_no_value_at_rest() -> None:
+    found = verdicts(seen(TYRE, "gravity_w", "coriolis_w"), quasi.CHECKS)
+    assert found == {"gravity over w": True, "C w": True, "Ṁ_w = C + Cᵀ": True}
+
+
+def test_rounding_of_a_sharp_bend_is_no_error() -> None:
+    stiff = ROPE.replace("2e4", "2e6")
+    found = verdicts(seen(stiff, "jacobian_forward"), linear.CHECKS)
+    assert found["slopes of a product"]
+
+
+@pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+def test_steps_are_compared_over_a_length_that_does_not_cross_a_bend(tmp_path: Path) -> None:
+    (tmp_path / "rope.yaml").write_text(ROPE)
+    functions = ("default", "step", "step_sensitivity")
+    assert hamel.build(tmp_path / "rope.yaml", out=tmp_path / "rope", functions=functions)

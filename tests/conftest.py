@@ -3,6 +3,7 @@ take part only when slow tests run, and every kind keeps one that is quick. Modu
 without optimisation, which is most of the compiler's time; with it where the compiled code itself
 is looked at, and in all tests on request."""
 
+import gc
 from collections.abc import Iterator
 
 import pytest
@@ -362,6 +363,12 @@ SLOW = frozenset(
         "test_the_first_rows_tell_the_shortest_way_of_writing_all",
     }
 )
+
+
+def pytest_configure() -> None:
+    # what thousands of tests keep is looked through for cycles again and again
+    gc.freeze()
+    gc.set_threshold(200_000, 20, 100)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import casadi as ca
 import sympy
 
+from derive.expressions.deferred import Deferred
 from derive.textbook.choice import orthonormal, product_entry, themselves
 from derive.textbook.dependent import dependent_columns
 from derive.textbook.layout import identity, sum_of
@@ -103,24 +104,31 @@ def _block_laws(doc: Manuscript, dependent: list[int], free: list[int]) -> None:
     Both are looked at times what they are divided by, S' and A₁: the inverse of a long matrix takes
     minutes.
     """
-    A, B = doc.terms.named("A"), doc.terms.named("B")
-    A1, A2, B1, B2 = A[:, dependent], A[:, free], B[:, dependent], B[:, free]
+
+    def of_S() -> ca.SX:
+        A, B, S = (doc.terms.named(x) for x in "ABS")
+        ratio = ca.solve(A[:, dependent], A[:, free])
+        schur = B[:, free] - ca.mtimes(B[:, dependent], ratio)
+        return ca.mtimes(S[order, :], schur) - ca.vertcat(-ratio, ca.SX.eye(len(free)))
+
+    def of_R() -> ca.SX:
+        A, B, S, R = (doc.terms.named(x) for x in "ABSR")
+        first = ca.vertcat(ca.SX.eye(len(dependent)), ca.SX(len(free), len(dependent)))
+        along = ca.mtimes(S[order, :], B[:, dependent])
+        return ca.mtimes(R[order, :], A[:, dependent]) - first + along
+
     order = [*dependent, *free]
-    S, R = doc.terms.named("S")[order, :], doc.terms.named("R")[order, :]
-    ratio = ca.solve(A1, A2)
-    schur = B2 - ca.mtimes(B1, ratio)
     doc.law(
         "S by blocks",
         r"!S",
         r"\begin{bmatrix} -!A_1^{-1}!A_2 \\ !1 \end{bmatrix} !S'^{-1}",
-        ca.mtimes(S, schur) - ca.vertcat(-ratio, ca.SX.eye(len(free))),
+        Deferred(of_S),
     )
-    first = ca.vertcat(ca.SX.eye(len(dependent)), ca.SX(len(free), len(dependent)))
     doc.law(
         "R by blocks",
         r"!R",
         r"\begin{bmatrix} !A_1^{-1} \\ !0 \end{bmatrix} - !S\,!B_1\,!A_1^{-1}",
-        ca.mtimes(R, A1) - first + ca.mtimes(S, B1),
+        Deferred(of_R),
     )
 
 
@@ -140,27 +148,31 @@ def _entries(doc: Manuscript) -> None:
     if "S" not in doc.entries:
         doc.say("Eliminated one row at a time, with the pivots of the choice, they are:")
         doc.matrix("S", r"!S", "S", doc.terms.named("S"))
-    doc.matrix("R", r"!R", "R", doc.terms.named("R"))
+    doc.named_matrix("R", r"!R")
     doc.mean(r"!R", "velocities per unit of $!c$, $!A\\,!R=!1$, $!B\\,!R=!0$")
 
 
 def _multiplied_out(doc: Manuscript) -> None:
     """Y Y⁻¹ = 1, block by block."""
-    A, B, S, R = (doc.terms.named(x) for x in "ABSR")
+    A, B = doc.terms.named("A"), doc.terms.named("B")
     nc, nw = A.size1(), B.size1()
-    both, Y_inverse = r"\begin{bmatrix}!R & !S\end{bmatrix}", ca.horzcat(R, S)
+    both = r"\begin{bmatrix}!R & !S\end{bmatrix}"
+
+    def times_inverse(rows: ca.SX) -> ca.SX:
+        return ca.mtimes(rows, ca.horzcat(doc.terms.named("R"), doc.terms.named("S")))
+
     doc.say("The inverse can be checked by multiplying out:")
     doc.law(
         "A Y⁻¹",
         rf"!A{both}",
         r"\begin{bmatrix}!1 & !0\end{bmatrix}",
-        ca.mtimes(A, Y_inverse) - ca.horzcat(ca.SX.eye(nc), ca.SX(nc, nw)),
+        Deferred(lambda: times_inverse(A) - ca.horzcat(ca.SX.eye(nc), ca.SX(nc, nw))),
     )
     doc.law(
         "B Y⁻¹",
         rf"!B{both}",
         r"\begin{bmatrix}!0 & !1\end{bmatrix}",
-        ca.mtimes(B, Y_inverse) - ca.horzcat(ca.SX(nw, nc), ca.SX.eye(nw)),
+        Deferred(lambda: times_inverse(B) - ca.horzcat(ca.SX(nw, nc), ca.SX.eye(nw))),
     )
 
 
@@ -218,15 +230,19 @@ def _sigma_in_words(doc: Manuscript, turning: bool) -> None:
 def _sigma_by_blocks(doc: Manuscript, zeta: ca.SX, turning: bool) -> None:
     """σ = R β + S ζ."""
     parts: list[str] = []
-    total = ca.mtimes(doc.terms.named("S"), zeta)
     if doc.terms.has("Y"):
         parts.append(r"!R\,!\beta")
-        beta = doc.terms.of_independent(doc.system.beta)
-        total = total + ca.mtimes(doc.terms.named("R"), beta)
     if turning:
         parts.append(r"!S\,!\zeta")
-    residual = doc.terms.named("sigma") - total
-    doc.law("sigma by blocks", r"!\sigma", " + ".join(parts), residual)
+
+    def residual() -> ca.SX:
+        along_speeds = doc.terms.named("sigma") - ca.mtimes(doc.terms.named("S"), zeta)
+        if not doc.terms.has("Y"):
+            return along_speeds
+        beta = doc.terms.of_independent(doc.system.beta)
+        return along_speeds - ca.mtimes(doc.terms.named("R"), beta)
+
+    doc.law("sigma by blocks", r"!\sigma", " + ".join(parts), Deferred(residual))
 
 
 def _unit_vector(doc: Manuscript) -> bool:

@@ -13,6 +13,7 @@ from typing import TypeVar
 import casadi as ca
 import sympy
 
+from derive.expressions.deferred import Deferred
 from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
@@ -57,6 +58,7 @@ from derive.textbook.terms import Terms
 from derive.textbook.typeset import Typesetter, digits, width
 
 Item = TypeVar("Item")
+Residual = ca.SX | Deferred[ca.SX]
 
 BROAD = 12  # more columns than this are not shown as a matrix
 MOST_ENTRIES = 4000  # a larger matrix is not read at all
@@ -229,13 +231,15 @@ class Manuscript:
             )
         self._pending = []
 
-    def law(self, name: str, left: str, right: str, residual: ca.SX, boxed: bool = False) -> None:
+    def law(
+        self, name: str, left: str, right: str, residual: Residual, boxed: bool = False
+    ) -> None:
         """A matrix equation, checked as a whole; in the short hand of names.bold."""
         left, right = names.bold(left), names.bold(right)
         self._laws.append(Law(name, f"{left} = {right}", residual))
         self._display(name, [Line(left, parts(right))], boxed)
 
-    def check(self, name: str, residual: ca.SX) -> None:
+    def check(self, name: str, residual: Residual) -> None:
         """An equation that is checked like the printed ones; it stands in words."""
         self._laws.append(Law(name, name, residual))
 
@@ -425,6 +429,13 @@ class Manuscript:
         self.reader.name(value, [x for row in self.entries[name] for x in row])
         self._matrix(name, bold, symbols, shown, value, beside)
         return True
+
+    def named_matrix(self, name: str, bold: str) -> None:
+        """A matrix that the equations named. What is too large to be read is not formed, either."""
+        if self.terms.size(name) > MOST_ENTRIES:
+            self.too_long(names.bold(bold))
+        else:
+            self.matrix(name, bold, name, self.terms.named(name))
 
     def _entry_symbols(
         self, name: str, stem: str, value: ca.SX, symmetric: bool

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import sympy
 
+from derive.expressions.deferred import Deferred
 from derive.textbook.layout import sum_of
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
@@ -50,14 +51,17 @@ def _law(doc: Manuscript) -> None:
         "The multipliers are not needed for the motion; they are recovered afterwards. What the "
         "constraints have to add is $!\\rho=!M\\,!!v+!h-!Q$, and $!A\\,!R=!1$ gives:"
     )
+    combined = doc.terms.has("E")
+    right = r"!E^T!R^T!\rho" if combined else r"!R^T!\rho"
+    doc.law("lambda", r"!\lambda", right, Deferred(lambda: _residual(doc)))
+
+
+def _residual(doc: Manuscript) -> ca.SX:
     terms = doc.terms
     along_rows = ca.mtimes(terms.named("R").T, _missing(doc))
     if terms.has("E"):
-        residual = terms.lam - ca.mtimes(terms.named("E").T, along_rows)
-        doc.law("lambda", r"!\lambda", r"!E^T!R^T!\rho", residual)
-    else:
-        residual = terms.lam[terms.independent] - along_rows
-        doc.law("lambda", r"!\lambda", r"!R^T!\rho", residual)
+        return terms.lam - ca.mtimes(terms.named("E").T, along_rows)
+    return terms.lam[terms.independent] - along_rows
 
 
 def _row(i: int, name: str) -> tuple[Runs, Runs]:

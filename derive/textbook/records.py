@@ -8,6 +8,8 @@ from typing import Any
 
 import casadi as ca
 
+from derive.expressions.deferred import Term
+
 
 @dataclass(frozen=True)
 class Text:
@@ -58,11 +60,12 @@ class Printed:
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A matrix equation; `residual` is its left side minus its right side."""
+    """A matrix equation; `residual` is its left side minus its right side. The page does not need
+    it: of long mechanisms it is not formed."""
 
     name: str
     latex: str
-    residual: ca.SX
+    residual: Term[ca.SX] = Term()
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import casadi as ca
 
+from derive.expressions.deferred import size_of
 from derive.formulations.records import Equations, Function
 from derive.mechanics.records import Named, System
 
@@ -28,6 +29,10 @@ class Terms:
         """A named term of the equations, else of the system."""
         term = self._of_equations.get(name)
         return getattr(self.system, name) if term is None else term.value
+
+    def size(self, name: str) -> int:
+        """How many entries one of the equations' terms has; it is not formed for that."""
+        return size_of(self._of_equations[name], "value")
 
     def has(self, name: str) -> bool:
         """Whether the equations themselves named it."""

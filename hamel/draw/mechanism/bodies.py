@@ -47,11 +47,18 @@ def body_shapes(scene: Scene, index: int) -> list[Shape]:
 
 def distinct(scene: Scene, points: Sequence[Vector]) -> list[Vector]:
     """Each point once."""
-    near, result = NEAR * scene.size, list[Vector]()
-    for point in points:
-        if all(float(np.linalg.norm(point - other)) > near for other in result):
-            result.append(point)
-    return result
+    return [points[k] for k in firsts(scene, points)]
+
+
+def firsts(scene: Scene, points: Sequence[Vector]) -> list[int]:
+    """Which points are the first at their place."""
+    known, found = np.empty((len(points), 3)), list[int]()
+    for k, point in enumerate(points):
+        away = np.linalg.norm(known[: len(found)] - point, axis=1)
+        if (away > NEAR * scene.size).all():
+            known[len(found)] = point
+            found.append(k)
+    return found
 
 
 def centre(scene: Scene, body: Body) -> Vector:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hamel.draw.mechanism.anchors import Anchor
-from hamel.draw.mechanism.bodies import distinct
+from hamel.draw.mechanism.bodies import firsts
 from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
 from hamel.draw.mechanism.scene import Scene
 from hamel.draw.mechanism.solids import box, cylinder
@@ -42,19 +42,15 @@ def joint_shapes(scene: Scene, scale: float = 1.0) -> list[Shape]:
 
 def bearings(scene: Scene, scale: float = 1.0) -> list[Shape]:
     """Where joints stand on the ground, each place once."""
-    places: list[Vector] = []
+    standing = [x for x in scene.anchors if GROUND in x.bodies and x.type in STANDING]
+    places = [anchor.at(anchor.bodies.index(GROUND)) for anchor in standing]
     shapes: list[Shape] = []
-    for anchor in scene.anchors:
-        if GROUND not in anchor.bodies or anchor.type not in STANDING:
-            continue
-        side = anchor.bodies.index(GROUND)
-        at = anchor.at(side)
-        if len(distinct(scene, [*places, at])) > len(places):
-            places.append(at)
-            if scene.view.flat:
-                shapes += bearing(scene, at, hangs(scene, anchor), scale)
-            else:
-                shapes += _foot(scene, at, anchor.axes[side], scale)
+    for k in firsts(scene, places):
+        anchor, at = standing[k], places[k]
+        if scene.view.flat:
+            shapes += bearing(scene, at, hangs(scene, anchor), scale)
+        else:
+            shapes += _foot(scene, at, anchor.axes[anchor.bodies.index(GROUND)], scale)
     return shapes
 
 

@@ -22,7 +22,7 @@ from derive.model import load_text
 from derive.states import system
 from tests.loops import four_bars
 
-FEW, MANY = 40, 130
+FEW, MANY = 40, 90
 BESIDE = 6  # rows of FEW: more operations and nodes than any limit of the passes
 
 

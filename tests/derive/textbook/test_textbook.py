@@ -56,10 +56,9 @@ def cases():
     """Every choice of some models and one of others with parameters as symbols; all the rest are
     slow tests."""
     for path in sorted(MODELS.glob("*.yaml")):
+        model = load(path)
         names = [
-            choice.name
-            for choice in load(path).choices
-            if (path.stem, choice.name) not in IMPOSSIBLE
+            choice.name for choice in model.choices if (path.stem, choice.name) not in IMPOSSIBLE
         ]
         for k, name in enumerate(names):
             soon = path.stem in EVERY_CHOICE or (k == 0 and path.stem in ONE_CHOICE)
@@ -68,9 +67,7 @@ def cases():
                 path.stem, name, "all", "quasi_velocities", k == 0 and path.stem in EVERY_CHOICE
             )
         for method in FORMULATIONS:
-            if method.name != "quasi_velocities" and (method.name == "recursive") <= is_tree(
-                load(path)
-            ):
+            if method.name != "quasi_velocities" and (method.name == "recursive") <= is_tree(model):
                 quick = EVERY_CHOICE | (
                     {"cart_pole", "double_pendulum"}
                     if method.name == "recursive"

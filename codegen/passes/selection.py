@@ -12,10 +12,11 @@ from codegen.program import CHART
 from derive.diagnostics import AssumptionError, HamelError
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations.charts import differs
-from derive.formulations.records import Equations, Function, Request
+from derive.formulations.records import Equations, Function, Request, Result
 from derive.formulations.requests import request_of, unknown_function
 
 MOST_ON_STACK = 60_000  # entries of a matrix that is factored while stepping
+MOST_ENTRIES = 10_000  # of a matrix that nobody asked for
 
 
 def spelled_out(integrators: Sequence[str]) -> tuple[str, ...]:
@@ -122,9 +123,16 @@ def selection(
 
 
 def _is_usual(function: Function, roll: str, links: int) -> bool:
-    """What grows with a long mechanism has to be asked for, unless it is a loop."""
+    """What grows with a long mechanism has to be asked for, unless it is a loop; so has a matrix
+    that takes the compiler minutes."""
+    if _is_large_matrix(function.result):
+        return False
     always = function.result.written or function.name == "dynamics"
     return always or refusal(function, roll, links) is None
+
+
+def _is_large_matrix(result: Result) -> bool:
+    return result.size > MOST_ENTRIES and result.written and result.value.size2() > 1
 
 
 def _function(equations: Equations, default: dict[str, Function], name: str) -> Function:

@@ -13,6 +13,7 @@ from codegen.emit import emit
 from codegen.passes import program
 from codegen.passes.improve import improve
 from codegen.passes.pipeline import _roots
+from codegen.passes.selection import selection
 from codegen.passes.trace import record
 from codegen.program import Program
 from derive.formulations import equations
@@ -41,6 +42,14 @@ def test_operations_a_loop_do_not_grow(programs: dict[int, Program]) -> None:
         few, many = (programs[n].kernel(name).operations["total"] / n for n in (FEW, MANY))
         assert many <= 1.05 * few
     assert programs[MANY].kernel("dynamics").operations["total"] <= 62 * MANY
+
+
+def test_a_mass_matrix_that_takes_the_compiler_minutes_has_to_be_asked_for(
+    derived: dict[int, Equations],
+) -> None:
+    few, many = ({f.name for f in selection(derived[n], None)} for n in (FEW, MANY))
+    assert few - many == {"mass"}
+    assert "mass" in {f.name for f in selection(derived[MANY], ("default", "mass"))}
 
 
 def test_operations_a_loop_do_not_grow_with_the_length_of_a_function(

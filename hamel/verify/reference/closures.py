@@ -9,14 +9,15 @@ stay at right angles.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from derive.diagnostics import AssumptionError
-from derive.model.records import GROUND, Closure
-from hamel.verify.reference.jets import Jet, direction, dot, joint_frame, stays
+from derive.model.records import GROUND, Closure, Placement
+from hamel.verify.reference.jets import Jet, direction, dot, frame_axes, frame_origin, stays
 from hamel.verify.reference.layout import Layout, Rows, stacked
 from hamel.verify.reference.states import State, placed
 from hamel.verify.reference.vectors import UNIT, Array, cross
@@ -31,14 +32,27 @@ NO_TURN = ((0, 2), (1, 2), (1, 0))
 
 @dataclass(frozen=True)
 class Loop:
-    """A closure at one state: the two joint frames as jets."""
+    """A closure at one state: the two joint frames as jets, as far as its rows need them."""
 
     closure: Closure
     plane: str
     place: Layout
     state: State
-    origins: tuple[Jet, Jet]
-    axes: tuple[tuple[Jet, ...], tuple[Jet, ...]]
+
+    @cached_property
+    def origins(self) -> tuple[Jet, ...]:
+        """Of both joint frames."""
+        return tuple(frame_origin(self.place, self.state, *side) for side in self._sides)
+
+    @cached_property
+    def axes(self) -> tuple[tuple[Jet, ...], ...]:
+        """The three axes of each."""
+        turned = triad(self.state.vector(self.closure.axis), self.plane)
+        return tuple(frame_axes(self.place, self.state, *side, turned) for side in self._sides)
+
+    @property
+    def _sides(self) -> Iterable[tuple[str, Placement]]:
+        return zip(self.closure.bodies, self.closure.placements)
 
     @property
     def gap(self) -> Jet:
@@ -54,12 +68,7 @@ def closure_rows(closure: Closure, plane: str, place: Layout, state: State) -> R
             f"{closure.type}",
             "it takes a derivation of its own in hamel/verify/reference/closures.py",
         )
-    turned = triad(state.vector(closure.axis), plane)
-    pairs = zip(closure.bodies, closure.placements)
-    first, second = (joint_frame(place, state, body, at, turned) for body, at in pairs)
-    return _ROWS[closure.type](
-        Loop(closure, plane, place, state, (first[0], second[0]), (first[1], second[1]))
-    )
+    return _ROWS[closure.type](Loop(closure, plane, place, state))
 
 
 def triad(axis: Array, plane: str = "") -> Array:

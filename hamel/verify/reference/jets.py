@@ -72,16 +72,25 @@ def point(place: Layout, state: State, body: str, position: Array) -> Jet:
     return Jet(frame.origin + arm, frame.speed(arm), over, centripetal(frame, arm))
 
 
+def frame_origin(place: Layout, state: State, body: str, at: Placement) -> Jet:
+    """The origin of a frame placed on a body."""
+    return point(place, state, body, placed(state, at)[0])
+
+
+def frame_axes(
+    place: Layout, state: State, body: str, at: Placement, turned: Array
+) -> tuple[Jet, ...]:
+    """The three axes of a frame placed on a body; `turned` has them in the placed frame as
+    columns."""
+    columns = placed(state, at)[1] @ turned
+    return tuple(direction(place, state, body, columns[:, k]) for k in range(3))
+
+
 def joint_frame(
     place: Layout, state: State, body: str, at: Placement, turned: Array
 ) -> tuple[Jet, tuple[Jet, ...]]:
-    """Origin and the three axes of a frame placed on a body; `turned` has the axes in the placed
-    frame as columns."""
-    position, rotation = placed(state, at)
-    axes = rotation @ turned
-    return point(place, state, body, position), tuple(
-        direction(place, state, body, axes[:, k]) for k in range(3)
-    )
+    """Both."""
+    return frame_origin(place, state, body, at), frame_axes(place, state, body, at, turned)
 
 
 def dot(a: Jet, b: Jet) -> Jet:

@@ -258,7 +258,7 @@ def still_forces(ref: Reference, s: State) -> Array:
 def _without_loads(model: Model) -> Model:
     """And without the definitions that neither bodies nor what holds them use."""
     holding = (model.gravity, model.bodies, model.joints, model.closures, model.constraints)
-    used = set(names_in((*holding, model.frames, model.paths)))
+    used = set(names_in((*holding, model.frames, model.paths, model.measures)))
     kept: list[tuple[str, Expression]] = []
     for name, formula in reversed(model.definitions):  # each uses earlier ones
         if name in used:

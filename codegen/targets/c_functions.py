@@ -30,6 +30,7 @@ FEW = 24  # values that are added up one by one to see that all are finite
 # registers do not hold them to the end
 MANY = 200
 FOUR = 4  # neighbouring results that are set to zero at once
+MANY_ZEROS = 32  # one after the other, that are set to zero in a loop
 # statements up to which the parts of a function for several states side by side are joined again: a
 # compiler then keeps in registers what one part hands on to the next, and vectors are long
 JOINED = 2_000
@@ -311,13 +312,24 @@ def _constant(
 ) -> Iterator[str]:
     """Results that are no locals; zeros by fours."""
     zeros = [i for i, value in outputs if value == 0.0 and not kernel.solving]
-    stretches = _stretches(zeros, 1)
-    fours = [first + k for first, n in stretches for k in range(0, n - FOUR + 1, FOUR)]
-    yield from (f"{program.name}_zeros(out + {first});" for first in fours)
-    cleared = {first + k for first in fours for k in range(FOUR)}
+    cleared = set[int]()
+    for first, n in _stretches(zeros, 1):
+        whole = n // FOUR * FOUR
+        yield from _cleared(program, first, whole)
+        cleared.update(range(first, first + whole))
     for i, value in outputs:
         if i not in cleared and is_written(kernel, value):
             yield output_line(kernel, i, style)
+
+
+def _cleared(program: Program, first: int, count: int) -> Iterator[str]:
+    """So many zeros, a multiple of four; many in a loop, which is less to compile."""
+    clear = f"{program.name}_zeros(out + {{}});"
+    if count < MANY_ZEROS:
+        yield from (clear.format(first + k) for k in range(0, count, FOUR))
+    else:
+        yield f"for (int i = 0; i < {count}; i += {FOUR})"
+        yield "    " + clear.format(f"{first} + i" if first else "i")
 
 
 def _stretches(places: Sequence[int], apart: int) -> list[tuple[int, int]]:

@@ -95,6 +95,10 @@ def test_each_result_is_stored_where_it_is_computed_and_zeros_by_fours():
     stored = [k for k, line in enumerate(lines) if re.match(r"out\[\d+\] = z\d+;", line)]
     assert sum(lines[k - 1].startswith("const double") for k in stored) > 0.8 * len(stored)
     cleared = {int(x) + k for x in re.findall(r"_zeros\(out \+ (\d+)\)", text) for k in range(FOUR)}
+    # many in a row in a loop
+    loops = re.findall(r"; i < (\d+); i \+= 4\)\n +many_zeros\(out \+ (?:(\d+) \+ )?i\);", text)
+    cleared |= {int(first or 0) + k for count, first in loops for k in range(int(count))}
+    assert loops
     single = {int(x) for x in re.findall(r"out\[(\d+)\] = 0\.0;", text)}
     assert not cleared & single
     zeros = cleared | single

@@ -123,8 +123,8 @@ def selection(
 
 
 def _is_usual(function: Function, roll: str, links: int) -> bool:
-    """What grows with a long mechanism has to be asked for, unless it is a loop; so has a matrix
-    that takes the compiler minutes."""
+    """What grows with a long mechanism has to be asked for, unless it is a loop; so has a large
+    matrix, whose entries grow with the square."""
     if _is_large_matrix(function.result):
         return False
     always = function.result.written or function.name == "dynamics"

@@ -48,7 +48,7 @@ class Rest:
         self.vdot = _rates(_velocities(system))
 
     @cached_property
-    def _any(self) -> ca.SX:
+    def _with_states(self) -> ca.SX:
         """nv × 1. Raises AssumptionError where forces use reactions."""
         return mechanics.rest(self._system, self.vdot)
 
@@ -56,7 +56,7 @@ class Rest:
     def forces(self) -> ca.SX:
         """nv × 1. Raises AssumptionError where first-order states act, which no measured motion
         holds, or forces use reactions."""
-        system, forces = self._system, self._any
+        system, forces = self._system, self._with_states
         if system.z.numel() and ca.depends_on(forces, system.z):
             names = listed(state.name for state in system.model.states)
             raise AssumptionError(
@@ -77,7 +77,7 @@ class Rest:
     def check_linear(self) -> None:
         """Raises AssumptionError where Y π and the rest are not all of inverse dynamics, for forces
         use reactions."""
-        _ = self._any
+        _ = self._with_states
 
 
 def _over_v(system: System, rest: Rest) -> Iterator[Request]:

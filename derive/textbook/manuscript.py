@@ -239,7 +239,7 @@ class Manuscript:
         self._laws.append(Law(name, f"{left} = {right}", residual))
         self._display(name, [Line(left, parts(right))], boxed)
 
-    def check(self, name: str, residual: Residual) -> None:
+    def check(self, name: str, residual: ca.SX) -> None:
         """An equation that is checked like the printed ones; it stands in words."""
         self._laws.append(Law(name, name, residual))
 

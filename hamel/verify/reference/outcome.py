@@ -251,8 +251,8 @@ def still_forces(ref: Reference, s: State) -> Array:
     bare = replace(ref, model=_without_loads(ref.model))
     still = state_of(bare, s.t, s.q, np.zeros_like(s.v), s.u, s.p)
     kin, bodies = kinematics(bare, still), _bodies(bare, still)
-    own_weight = weight(bare.model, bare.place, still)
-    return _own_forces(bare, bare.lagrange(still), own_weight, kin, bodies)
+    gravity = weight(bare.model, bare.place, still)
+    return _own_forces(bare, bare.lagrange(still), gravity, kin, bodies)
 
 
 def _without_loads(model: Model) -> Model:
@@ -361,10 +361,10 @@ def _mass(ref: Reference, s: State, kin: Kinematics, bodies: Bodies) -> Array:
 
 
 def _own_forces(
-    ref: Reference, analytic: Lagrange, weight: Array, kin: Kinematics, bodies: Bodies
+    ref: Reference, analytic: Lagrange, gravity: Array, kin: Kinematics, bodies: Bodies
 ) -> Array:
     """h (nv): what inertia demands at v̇ = 0, less gravity and what the formulas give."""
-    along_z = np.array(weight)
+    along_z = np.array(gravity)
     along_z[: len(analytic.force)] += analytic.force
     for body, (_, _, gyroscopic) in zip(ref.model.bodies, bodies):
         along_z[ref.place.twist(body.name)] -= gyroscopic

@@ -44,7 +44,7 @@ def test_operations_a_loop_do_not_grow(programs: dict[int, Program]) -> None:
     assert programs[MANY].kernel("dynamics").operations["total"] <= 62 * MANY
 
 
-def test_a_mass_matrix_that_takes_the_compiler_minutes_has_to_be_asked_for(
+def test_a_large_mass_matrix_has_to_be_asked_for(
     derived: dict[int, Equations],
 ) -> None:
     few, many = ({f.name for f in selection(derived[n], None)} for n in (FEW, MANY))

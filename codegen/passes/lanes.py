@@ -79,11 +79,13 @@ def side_by_side(program: Program) -> tuple[Kernel, ...]:
     kernels = tuple(k for k in program.kernels if is_stepped(k))
     if not program.simulates or program.real.words:
         return ()
-    plain = all(map(_is_straight, kernels)) and is_batched(program.kernel(DYNAMICS))
-    short = all(kernel.name == DYNAMICS or not is_long(kernel) for kernel in kernels)
     # steps look through all sums of angles for shorter ones, which takes long of very many
-    short = short and not any(kernel.repeats for kernel in kernels)
-    if not (plain and short):
+    short = not any(kernel.repeats for kernel in kernels) and all(
+        kernel.name == DYNAMICS or not is_long(kernel) for kernel in kernels
+    )
+    if not short or not is_batched(program.kernel(DYNAMICS)):
+        return ()
+    if not all(map(_is_straight, kernels)):
         return ()
     watched = [k for k in program.kernels if k.name.partition(CHART)[0] == WATCHED]
     looks = all(_is_straight(k) and not is_long(k) for k in watched)

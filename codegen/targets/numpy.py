@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -13,6 +13,7 @@ from codegen.passes.lanes import is_batched
 from codegen.passes.split import Part, split
 from codegen.program import PREVIOUS, Kernel, Program
 from codegen.targets.records import Target
+from codegen.targets.repeated import Again, again, varying
 from codegen.targets.rolled import Text, python_text
 from codegen.targets.simulate import alike
 
@@ -29,6 +30,7 @@ class Piece:
     kept: tuple[str, ...]  # values into the workspace
     guards: tuple[tuple[str, str, str], ...]  # value, tolerance, name
     residual: str
+    again: Again | None = None  # it is gone through for each of so many blocks
 
 
 @dataclass(frozen=True)
@@ -101,15 +103,16 @@ def _body(kernel: Kernel, language: text.Language) -> Body:
     if kernel.rolled:
         lines = _lines(Part(loads=kernel.loads, sections=kernel.sections), language)
         return Body(kernel, (), 0, python_text(kernel, kernel.rolled, language, tuple(lines)))
-    parts = split(replace(kernel, repeats=None))  # Python has no use for short code
+    parts = split(kernel)
     return Body(kernel, tuple(_piece(kernel, part, language) for part in parts.parts), parts.size)
 
 
 def _piece(kernel: Kernel, part: Part, language: text.Language) -> Piece:
+    places = varying(part)
     return Piece(
         lines=tuple(_lines(part, language)),
         outputs=tuple(
-            f"{_target(kernel, i)} = {text.expression(value, language)}"
+            f"{_target(kernel, i, places)} = {text.expression(value, language)}"
             for i, value in part.outputs
         )
         + tuple(
@@ -117,7 +120,7 @@ def _piece(kernel: Kernel, part: Part, language: text.Language) -> Piece:
             f"{copy.argument}[..., {copy.index}:{copy.index + copy.count}]"
             for copy in part.copies
         ),
-        kept=tuple(f"work[{slot}] = {name}" for name, slot in part.kept),
+        kept=tuple(f"work[{places.get(name, slot)}] = {name}" for name, slot in part.kept),
         guards=tuple(
             (
                 text.expression(g.value, language),
@@ -127,21 +130,25 @@ def _piece(kernel: Kernel, part: Part, language: text.Language) -> Piece:
             for g in part.guards
         ),
         residual=text.expression(part.residual, language) if part.residual is not None else "",
+        again=again(part, part.repeat, {}, language) if part.repeat else None,
     )
 
 
-def _target(kernel: Kernel, i: int) -> str:
+def _target(kernel: Kernel, i: int, places: Mapping[str | int, str]) -> str:
     """Where an output goes; what solving takes stands first in the workspace."""
     own = kernel.size
-    return f"out[..., {i}]" if i < own else f"work[{i - own}]"
+    return f"out[..., {places.get(i, i)}]" if i < own else f"work[{i - own}]"
 
 
 def _lines(part: Part, language: text.Language) -> Iterator[str]:
+    places = varying(part)
     for load in part.loads:
         if load.argument != "t":
-            yield f"{load.name} = {load.argument}[..., {load.index}]"
+            yield f"{load.name} = {load.argument}[..., {places.get(load.name, load.index)}]"
     for name, slot in part.taken:
-        yield f"{name} = work[{slot}]"
+        yield f"{name} = work[{places.get(name, slot)}]"
+    for name in part.repeat.constants if part.repeat else ():
+        yield f"{name} = numbers_[{places[name]}]"
     for section in part.sections:
         yield ""
         yield f"# {text.printable(section.title)}"

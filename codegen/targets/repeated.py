@@ -1,5 +1,5 @@
-"""Blocks that are alike as a piece of C that is gone through for each of them: the table of places,
-the constants, and where in arrays block i_ has what it reads and stores.
+"""Blocks that are alike as a piece of code that is gone through for each of them: the table of
+places, the constants, and where in arrays block i_ has what it reads and stores.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ class Again:
     end: tuple[str, ...]  # and at the end of each: what it hands on
 
 
-def again(part: Part, repeat: Repeat, carried: Mapping[str, str]) -> Again:
+def again(
+    part: Part, repeat: Repeat, carried: Mapping[str, str], language: text.Language = text.C
+) -> Again:
     """The repeat of a part. `carried`, what the block before has made by the local of this one that
     made it, stays in a local from block to block."""
     slots = dict(part.taken)
@@ -37,7 +39,7 @@ def again(part: Part, repeat: Repeat, carried: Mapping[str, str]) -> Again:
         width=len(places),
         kind="short" if max(map(max, places), default=0) < SHORT else "int",
         rows=tuple(", ".join(map(str, row)) for row in zip(*places)),
-        numbers=tuple(map(text.number, repeat.numbers)),
+        numbers=tuple(text.number(x, language) for x in repeat.numbers),
         begin=tuple(f"double {name} = work[{slots[name]}];" for name in carried),
         end=tuple(f"{name} = {maker};" for name, maker in carried.items()),
     )

@@ -3,7 +3,7 @@ be written out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeVar, cast, overload
 
@@ -17,6 +17,25 @@ class Deferred(Generic[T]):
 
     make: Callable[[], T]
     size: int = 1
+
+
+class OnDemand(Mapping[str, T]):
+    """Values by name, each of them made when it is first read."""
+
+    def __init__(self, makes: Mapping[str, Callable[[], T]]) -> None:
+        self._makes = dict(makes)
+        self._made: dict[str, T] = {}
+
+    def __getitem__(self, name: str) -> T:
+        if name not in self._made:
+            self._made[name] = self._makes[name]()
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._makes)
+
+    def __len__(self) -> int:
+        return len(self._makes)
 
 
 class Term(Generic[T]):

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
 
+from derive.expressions.deferred import OnDemand
 from derive.formulations.frames import based
 from derive.formulations.records import Equations, Function
+from derive.mechanics.records import Named
 
 
 @dataclass(frozen=True)
@@ -64,18 +67,20 @@ def evaluator(equations: Equations) -> Evaluator:
     """
     equations = based(equations)
     arguments = slots_of(equations)
-    named = {
-        item.name: ca.Function(item.name, arguments, [ca.densify(item.value)])
-        for item in equations.named
-    }
+    named = {item.name: partial(_intermediate, item, arguments) for item in equations.named}
     residuals = {
         f.name: ca.Function(f.name, slots_of(equations, f), [f.residual])
         for f in equations.functions
         if f.residual is not None
     }
-    functions = {f.name: function_of(equations, f) for f in equations.functions}
+    functions = {f.name: partial(function_of, equations, f) for f in equations.functions}
     velocity = ca.densify(equations.function("velocity").result.value)
-    return Evaluator(equations, functions, named, residuals, _rate(arguments, velocity))
+    rate = _rate(arguments, velocity)
+    return Evaluator(equations, OnDemand(functions), OnDemand(named), residuals, rate)
+
+
+def _intermediate(item: Named, arguments: list[ca.SX]) -> ca.Function:
+    return ca.Function(item.name, arguments, [ca.densify(item.value)])
 
 
 def function_of(equations: Equations, function: Function | str) -> ca.Function:

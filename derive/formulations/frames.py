@@ -9,6 +9,7 @@ from dataclasses import replace
 import casadi as ca
 
 from derive.choices.records import Frame, Guard
+from derive.expressions.deferred import Deferred, is_deferred, size_of
 from derive.formulations.records import Equations, Family, Function, Request
 from derive.mechanics.records import Named
 
@@ -95,5 +96,15 @@ def _guard(guard: Guard, value: ca.SX) -> Guard:
 
 
 def _named(named: tuple[Named, ...], frame: Frame) -> tuple[Named, ...]:
-    values = in_numbers([item.value for item in named], frame)
-    return tuple(replace(item, value=x) for item, x in zip(named, values))
+    """Together; what is deferred stays so."""
+    formed = [item for item in named if not is_deferred(item, "value")]
+    values = in_numbers([item.value for item in formed], frame)
+    there = {item.name: value for item, value in zip(formed, values)}
+
+    def later(item: Named) -> Deferred[ca.SX]:
+        return Deferred(lambda: in_numbers([item.value], frame)[0], size_of(item, "value"))
+
+    return tuple(
+        Named(item.name, item.about, there[item.name] if item.name in there else later(item))
+        for item in named
+    )

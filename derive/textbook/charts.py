@@ -7,7 +7,7 @@ import casadi as ca
 
 from derive.formulations.limits import BETTER, LOW
 from derive.formulations.records import Equations, Function
-from derive.textbook.choice import power_of_ten, watched
+from derive.textbook.choice import power_of_ten, watch
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
 from derive.textbook.records import Math, Runs, Text
@@ -43,8 +43,7 @@ def _chart(doc: Manuscript, chart: Equations, k: int) -> None:
     guards = _function(chart, "dynamics").guards
     if guards:
         doc.say("It is regular where these stay away from zero:")
-    for i, guard in enumerate(guards, 1):
-        watched(doc, guard, f"D^{{({k})}}_{{{i}}}")
+    watch(doc, guards, lambda i: f"D^{{({k})}}_{{{i}}}")
     _transfer(doc, chart, k)
     doc.mean(rf"!w^{{({k})}},\; !B^{{({k})}}", f"quasi-velocities of chart {k}, and their rows")
     if doc.system.c.is_zero():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import sympy
@@ -12,7 +12,7 @@ from derive.choices.records import Guard
 from derive.model.constraint_records import Rolling
 from derive.textbook.compose import operations
 from derive.textbook.layout import Rows, identity, sum_of
-from derive.textbook.manuscript import Manuscript
+from derive.textbook.manuscript import Manuscript, ends
 from derive.textbook.names import words
 from derive.textbook.records import Math, Run, Runs, Text
 
@@ -141,7 +141,7 @@ def _pivots(doc: Manuscript) -> None:
         "is solved as soon as all velocities in it have been reached. It gives one of them, "
         "divided by the factor of that velocity, which is called the pivot. In this order:"
     )
-    doc.items(_with_symbols(doc, x) for x in doc.equations.pivots)
+    doc.items(doc.equations.pivots, lambda x: _with_symbols(doc, x))
     if any("sampled" in x for x in doc.equations.pivots):
         doc.say("Sampled states are random states that the constraints admit.")
     contacts = [words(x.name) for x in doc.system.model.constraints if isinstance(x, Rolling)]
@@ -181,12 +181,20 @@ def _guards(doc: Manuscript) -> None:
         "These quantities must stay away from zero; the generated code watches them and reports "
         "where they do not:"
     )
-    for k, guard in enumerate(guards):
-        watched(doc, guard, f"D_{{{k + 1}}}")
+    watch(doc, guards, lambda k: f"D_{{{k}}}")
 
 
-def watched(doc: Manuscript, guard: Guard, latex: str) -> None:
-    """A guard and how far from zero it has to stay."""
+def watch(doc: Manuscript, guards: Sequence[Guard], latex: Callable[[int], str]) -> None:
+    """Each guard and how far from zero it has to stay; the first of very many. `latex` is the
+    symbol of guard 1, 2 …"""
+    first, left_out, last = ends(guards)
+    for k, guard in enumerate(first, 1):
+        _watched(doc, guard, latex(k))
+    if left_out:
+        doc.say(f"The other {left_out + len(last)} are watched in the same way.")
+
+
+def _watched(doc: Manuscript, guard: Guard, latex: str) -> None:
     symbol = doc.notation.fresh(f"{latex}[]", latex)
     entries = doc.read(ca.SX(guard.value))
     if entries is None:

@@ -115,7 +115,7 @@ def references(doc: Manuscript) -> None:
     first = source(doc.equations.formulation)
     if not any(text.startswith(first) for text in texts):
         texts.insert(0, first)
-    doc.items((Text(x),) for x in texts)
+    doc.items(texts, lambda x: (Text(x),))
     for text in doc.equations.assumptions:
         doc.say("Assumed: {text}.", text=text)
 

@@ -14,7 +14,7 @@ from derive.expressions.deferred import Deferred
 from derive.textbook.choice import orthonormal, product_entry, themselves
 from derive.textbook.dependent import dependent_columns
 from derive.textbook.layout import identity, sum_of
-from derive.textbook.manuscript import Manuscript
+from derive.textbook.manuscript import Manuscript, ends
 from derive.textbook.records import Math
 
 ALLOWED = "Velocities that the constraints allow"  # the title
@@ -133,8 +133,11 @@ def _block_laws(doc: Manuscript, dependent: list[int], free: list[int]) -> None:
 
 
 def _listing(doc: Manuscript, columns: Sequence[int]) -> str:
-    symbols = [doc.notation.latex[doc.v[j]] for j in columns]
-    return r"\left(" + r",\, ".join(symbols) + r"\right)"
+    first, left_out, last = ends(columns)
+    shown = [doc.notation.latex[doc.v[j]] for j in (*first, *last)]
+    if left_out:
+        shown.insert(len(first), r"\ldots")
+    return r"\left(" + r",\, ".join(shown) + r"\right)"
 
 
 def _entries(doc: Manuscript) -> None:

@@ -181,18 +181,17 @@ class Manuscript:
         most: int = MOST_ROWS,
     ) -> None:
         """A table of many things: a row for each, of long lists for the first and the last."""
-        if len(items) <= most:
-            rows = [tuple(row(x)) for x in items]
-        else:
-            count = len(items) - KEPT
-            gap = tuple((Text("⋮" if k else f"⋮ {count} more"),) for k in range(len(head)))
-            first, last = items[: KEPT - 2], items[-2:]
-            rows = [*(tuple(row(x)) for x in first), gap, *(tuple(row(x)) for x in last)]
+        first, left_out, last = ends(items, most)
+        gap = tuple((Text("⋮" if k else _more(left_out)),) for k in range(len(head)))
+        between = [gap] if left_out else []
+        rows = [*(tuple(row(x)) for x in first), *between, *(tuple(row(x)) for x in last)]
         self._blocks.append(Table(tuple(head), tuple(rows)))
 
-    def items(self, items: Iterable[Runs]) -> None:
-        """Adds a list without numbers."""
-        self._blocks.append(Items(tuple(items)))
+    def items(self, items: Sequence[Item], runs_of: Callable[[Item], Runs]) -> None:
+        """Adds a list without numbers, of a long one the first and the last."""
+        first, left_out, last = ends(items)
+        between: list[Runs] = [(Text(_more(left_out)),)] if left_out else []
+        self._blocks.append(Items((*map(runs_of, first), *between, *map(runs_of, last))))
 
     def mean(
         self, latex: str, about: str, unit: str | None = None, /, **given: str | Math | Ref
@@ -512,6 +511,19 @@ class Manuscript:
         if self.terms.has("E"):
             return [sum_of(row, column) for row in self.entries["E"]]
         return [column[i] for i in self.terms.independent]
+
+
+def ends(
+    items: Sequence[Item], most: int = MOST_ROWS
+) -> tuple[Sequence[Item], int, Sequence[Item]]:
+    """Of a long list the first, how many are left out, and the last two; all of a shorter one."""
+    if len(items) <= most:
+        return items, 0, ()
+    return items[: KEPT - 2], len(items) - KEPT, items[-2:]
+
+
+def _more(count: int) -> str:
+    return f"⋮ {count} more"
 
 
 def _is_long(lines: Sequence[Line]) -> bool:

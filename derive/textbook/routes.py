@@ -86,7 +86,7 @@ def _compared(doc: Manuscript, taken: Sequence[Road]) -> None:
         _row("fails", first.fails, second.fails),
     ]
     doc.table(("", first.title, second.title), rows)
-    doc.items((Text(road.source),) for road in taken)
+    doc.items(taken, lambda road: (Text(road.source),))
 
 
 def _row(*texts: str) -> tuple[Runs, ...]:

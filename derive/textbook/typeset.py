@@ -160,8 +160,9 @@ class Typesetter:
 
     def _place(self, s: sympy.Basic) -> int:
         """Where its name was declared."""
-        if len(self._order) != len(self.names):
-            self._order = {s: i for i, s in enumerate(self.names)}
+        if s not in self._order:  # more and more are named as the page grows
+            for later in [*self.names][len(self._order) :]:
+                self._order[later] = len(self._order)
         return self._order[s]
 
     def _product(self, x: Expr) -> str:

@@ -102,7 +102,7 @@ def _made(problem: Problem, by: Equations) -> Iterator[Course]:
     names = tuple(function.name for function in by.functions if function.name in CALLS)
     enforcement = problem.enforcement.name
     with temporary_module(by, METHODS, (enforcement,), names) as module:
-        assure(problem.plain, by, module)
+        assure(problem.plain, by, lambda: module)
         try:
             made = _first(problem, by, module)
         except AssumptionError as error:

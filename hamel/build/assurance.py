@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from types import ModuleType
 
 import casadi as ca
@@ -21,16 +22,23 @@ from hamel.verify.suite import evidence, results
 VERIFIED = "verified"  # the kind of entry in the store
 
 
-def assure(plain: Equations, held: Equations, module: ModuleType) -> None:
-    """Raise VerificationError unless the module agrees with the independent derivation.
+def assure(
+    plain: Equations,
+    held: Equations,
+    module: Callable[[], ModuleType],
+    real: str = "float64",
+    functions: Collection[str] | None = None,
+) -> None:
+    """Raise VerificationError unless the module of that precision and these functions, asked for
+    when it is needed, agrees with the independent derivation.
 
     `held` are the equations of the module: `plain` ones, or what an enforcement made of them by
     terms that are zero on the constraints. Then the two are looked at one after the other.
     """
-    key = content_key(plain.system.model.content(), str(module.defaults.dtype), _listing(held))
+    key = content_key(plain.system.model.content(), real, _listing(held))
     if store.stored(VERIFIED, key) is not None:
         return
-    check_all(held, _checks(plain, held, module), "nothing is simulated")
+    check_all(held, _checks(plain, held, module, functions), "nothing is simulated")
     store.put(VERIFIED, key, store.Entry(data={"model": plain.system.model.name}))
 
 
@@ -47,13 +55,18 @@ def check_all(
         )
 
 
-def _checks(plain: Equations, held: Equations, module: ModuleType) -> tuple[CheckResult, ...]:
+def _checks(
+    plain: Equations,
+    held: Equations,
+    module: Callable[[], ModuleType],
+    functions: Collection[str] | None,
+) -> tuple[CheckResult, ...]:
     model, states = plain.system.model, affordable(plain, QUICK_STATES)
     if _listing(plain) == _listing(held) or held.charts:
-        return quick_verification(model, held, lambda: module, states).checks
+        return quick_verification(model, held, module, states, functions=functions).checks
     ref = reference(model)
     terms = results(evidence(ref, plain, None, states, 0), QUICK)
-    return (*terms, *results(evidence(ref, held, module, states, 0), LOADED))
+    return (*terms, *results(evidence(ref, held, module(), states, 0), LOADED))
 
 
 def _listing(equations: Equations) -> str:

@@ -146,11 +146,29 @@ def temporary_module(
     real: str = "float64",
 ) -> Iterator[ModuleType]:
     """Equations → module that is needed for the length of a command."""
+    with promised_module(equations, integrators, enforcements, functions, real) as module:
+        yield module()
+
+
+@contextlib.contextmanager
+def promised_module(
+    equations: Equations,
+    integrators: Collection[str] = (),
+    enforcements: Collection[str] | None = None,
+    functions: Collection[str] | None = None,
+    real: str = "float64",
+) -> Iterator[Callable[[], ModuleType]]:
+    """The same, compiled while something else is done: what is yielded waits for it."""
     program = program_of(equations, functions, integrators, enforcements, real)
-    with compiled(program.name, emit(program)) as folder:
-        if folder.message:
-            warnings.warn(folder.message, RuntimeWarning, stacklevel=3)
-        yield folder.module
+    with drafted(program.name, emit(program)) as draft, compiling(draft) as finished:
+
+        def module() -> ModuleType:
+            folder = finished()
+            if folder.message:
+                warnings.warn(folder.message, RuntimeWarning, stacklevel=3)
+            return folder.module
+
+        yield functools.cache(module)
 
 
 def module_in(folder: str | os.PathLike[str]) -> ModuleType:

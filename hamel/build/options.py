@@ -46,9 +46,9 @@ class BuildOptions:
 
 
 def affordable(equations: Equations, states: int) -> int:
-    """Fewer states where there are many bodies, or many velocities in loops: the reference is not
-    made for speed."""
+    """Fewer states where there are many bodies, many velocities in loops, or several charts: the
+    reference is not made for speed."""
     system = equations.system
     bodies, velocities = len(system.model.bodies), system.v.numel() if system.rows else 0
     most = min(MANY // max(1, bodies), DENSE // max(1, velocities) ** 2)
-    return max(FEWEST, min(states, most))
+    return max(FEWEST, min(states, most // (1 + len(equations.charts))))

@@ -17,7 +17,7 @@ before all of it went well. `-v` shows every stage with its seconds.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, replace
 from os import PathLike
 from pathlib import Path
@@ -76,8 +76,10 @@ def build(
             derivation = _page(equations)
         with clock("verify", "binaries → verified, at random states"):
             checked = with_emitted(equations, program)
-            verification = _verification(checked, _waiting(finished, clock), options.states)
             emitted = {kernel.name for kernel in program.kernels}
+            verification = _verification(
+                checked, _waiting(finished, clock), options.states, emitted
+            )
             seed, module = verification.seed, finished().module
             rows = shipped(checked, emitted, seed, module=module, real=program.real)
             states = stored(verification, equations, rows)
@@ -121,9 +123,8 @@ def _program(
 
 
 def _page(equations: Equations) -> str:
-    """The derivation, opened by a figure of the mechanism where there is one; of hundreds of links
-    nothing could be told apart on it."""
-    drawing = None if equations.system.long else picture(equations.system)
+    """The derivation, opened by a figure of the mechanism where there is one."""
+    drawing = picture(equations.system)
     return html(equations, svg(drawing) if drawing else "")
 
 
@@ -161,12 +162,12 @@ def _without_compiler(compiled: Compiled) -> ToolchainError:
 
 
 def _verification(
-    equations: Equations, module: Callable[[], ModuleType], states: int
+    equations: Equations, module: Callable[[], ModuleType], states: int, emitted: Collection[str]
 ) -> Verification:
     """Raises VerificationError unless equations and module agree with the independent
     derivation."""
-    model = equations.system.model
-    verification = quick_verification(model, equations, module, affordable(equations, states))
+    model, states = equations.system.model, affordable(equations, states)
+    verification = quick_verification(model, equations, module, states, functions=emitted)
     check_all(equations, verification.checks, "nothing is written", verification.hardest)
     return verification
 

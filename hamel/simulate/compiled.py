@@ -4,12 +4,14 @@ what it says of itself becomes a record."""
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -30,9 +32,9 @@ from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel import charts
 from hamel.build.assurance import assure
-from hamel.build.clock import LINE, LOG, Clock
+from hamel.build.clock import Clock
 from hamel.build.files import write_text
-from hamel.build.module import temporary_module
+from hamel.build.module import promised_module
 from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
 from hamel.settings import settings
@@ -220,15 +222,15 @@ def _integrated(
     Raises Stiff where the integrator was picked and turns out to be the wrong one.
     """
     chosen = problem.equations(method.choice)
+    more = functools.cache(lambda: others(problem, chosen) if own_integrator(method) else [])
     try:
-        return _motion(problem, chosen, method, times, progress, automatic)
+        return _motion(problem, chosen, method, times, progress, automatic, more)
     except motion.InputError:
         raise
     except AssumptionError as error:
-        more = others(problem, chosen) if own_integrator(method) else []
-        if not more:
+        if not more():
             raise _explained(error, problem) from None
-        several = charted([chosen, *more], survey_of(problem.system))
+        several = charted([chosen, *more()], survey_of(problem.system))
         try:
             return _motion(problem, several, method, times, progress, automatic)
         except AssumptionError as last:  # where all charts together come to an end
@@ -242,42 +244,108 @@ def _motion(
     times: np.ndarray,
     progress: Progress | None,
     automatic: bool,
+    more: Callable[[], list[Equations]] = list,
 ) -> Simulated:
-    """Built as a module that is dropped afterwards, and integrated."""
-    u, p, initial, enforcement = problem.u, problem.p, problem.initial, problem.enforcement.name
+    """Built as a module that is dropped afterwards, and integrated.
+
+    What the module has to agree with is worked out while the compiler is at work, and nothing is
+    told before it agrees. The motion comes in between: where it fails and there are `more` choices
+    to go on with, this module need not be right.
+    """
+    enforcement = problem.enforcement.name
     used = replace(method, enforcement=enforcement, alpha=problem.options.alpha)
     integrators = (method.integrator,) if own_integrator(method) else ()
-    accuracy = tolerances(method, real_of(method.real))
-    stepping = motion.Stepping(method.integrator, enforcement, method.step_size, *accuracy)
     functions = _functions(by, method)
     clock = Clock()
     with contextlib.ExitStack() as stack:
-        with clock("module", "Equations → compiled module"):
-            building = temporary_module(by, integrators, (enforcement,), functions, method.real)
-            module = stack.enter_context(building)
+        with clock("module", "Equations → texts of a module"):
+            building = promised_module(by, integrators, (enforcement,), functions, method.real)
+            promised = stack.enter_context(building)
+
+        @functools.cache
+        def tried() -> _Trial:
+            with clock("compile", "texts → binaries, waited for"):
+                module = promised()
+            with clock("integrate", "start → motion"):
+                return _trial(problem, by, used, module, times, progress, automatic)
+
+        def module() -> ModuleType:
+            trial = tried()
+            if trial.failure and more():
+                raise trial.failure
+            return trial.module
+
         with clock("verify", "module → verified, or known to be"):
-            assure(problem.plain, by, module)
-        if by.charts or by.frame:
-            x, chart, p = charts.start(module, initial, u, p, problem.t)
-        else:
-            x, chart = state_of(problem.plain, initial, p, problem.t), 0
-        start = motion.Start(times, x, u, p, chart, problem.changes, problem.events)
-        begin = time.perf_counter()
-        seen = by if own_integrator(method) else based(by)
-        # who asks a function twice may get two answers
-        looking = automatic and method.step_size is None and problem.changes.function is None
-        for most in LOOKS if looking else ():
-            try:
-                simulation = motion.integrated(module, seen, start, stepping, progress, most)
-                break
-            except motion.Unfinished as far:
-                if why := stiffness.reason(module, start, far):
-                    raise stiffness.Stiff(why) from None
-        else:
-            simulation = motion.integrated(module, seen, start, stepping, progress)
-        took = time.perf_counter() - begin
-        LOG.info(LINE, "integrate", "start → motion", took)
-        return simulated(Source(seen, module, u, p, used, initial), simulation, took)
+            assure(problem.plain, by, module, method.real, functions)
+        trial = tried()
+        if trial.simulation is None:
+            raise trial.failure or AssertionError
+        source = Source(trial.equations, trial.module, problem.u, trial.p, used, problem.initial)
+        return simulated(source, trial.simulation, trial.seconds)
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A motion by a module, or why it could not go on; the equations that its state belongs to, and
+    its parameters."""
+
+    module: ModuleType
+    equations: Equations
+    p: np.ndarray
+    simulation: motion.Simulation | None
+    failure: AssumptionError | None
+    seconds: float
+
+
+def _trial(
+    problem: Problem,
+    by: Equations,
+    method: Method,
+    module: ModuleType,
+    times: np.ndarray,
+    progress: Progress | None,
+    automatic: bool,
+) -> _Trial:
+    """From the consistent start. Raises Stiff where an integrator that was picked is the wrong one,
+    InputError where a function of the user fails."""
+    u, p, initial = problem.u, problem.p, problem.initial
+    accuracy = tolerances(method, real_of(method.real))
+    stepping = motion.Stepping(method.integrator, method.enforcement, method.step_size, *accuracy)
+    seen = by if own_integrator(method) else based(by)
+    if by.charts or by.frame:
+        x, chart, p = charts.start(module, initial, u, p, problem.t)
+    else:
+        x, chart = state_of(problem.plain, initial, p, problem.t), 0
+    start = motion.Start(times, x, u, p, chart, problem.changes, problem.events)
+    # who asks a function twice may get two answers
+    looking = automatic and method.step_size is None and problem.changes.function is None
+    begin = time.perf_counter()
+    simulation, failure = None, None
+    try:
+        simulation = _course_of(module, seen, start, stepping, progress, looking)
+    except motion.InputError:
+        raise
+    except AssumptionError as error:
+        failure = error
+    return _Trial(module, seen, p, simulation, failure, time.perf_counter() - begin)
+
+
+def _course_of(
+    module: ModuleType,
+    seen: Equations,
+    start: motion.Start,
+    stepping: motion.Stepping,
+    progress: Progress | None,
+    looking: bool,
+) -> motion.Simulation:
+    """The motion; `looking` whether it is stiff where it takes many steps."""
+    for most in LOOKS if looking else ():
+        try:
+            return motion.integrated(module, seen, start, stepping, progress, most)
+        except motion.Unfinished as far:
+            if why := stiffness.reason(module, start, far):
+                raise stiffness.Stiff(why) from None
+    return motion.integrated(module, seen, start, stepping, progress)
 
 
 def _functions(by: Equations, method: Method) -> tuple[str, ...] | None:

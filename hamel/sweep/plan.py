@@ -362,7 +362,7 @@ def _artefact(problem: Problem, method: Method) -> Artefact:
     by = problem.equations(method.choice)
     enforcement = problem.enforcement.name
     with packed(by, (method.integrator,), (enforcement,), method.real) as (artefact, module):
-        assure(problem.plain, by, module)
+        assure(problem.plain, by, lambda: module, method.real)
     return artefact
 
 

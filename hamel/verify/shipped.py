@@ -79,13 +79,32 @@ def _of_long(
     equations: Equations, module: ModuleType, seed: int, states: int, most: int, real: Real
 ) -> dict[str, Any]:
     results: dict[str, Any] = {}
-    for name, kept in shipped_rows(equations, module, seed, states):
+    names, states = _with_room(equations, module, states, most)
+    for name, kept in shipped_rows(equations, module, seed, states, names):
         if kept:
             places, values = zip(*kept)
             call = getattr(module, name)
             errors = [MANY * rounding(call, place, real.epsilon) for place in places]
             results[name] = _columns(places, values, _larger(values, np.array(errors), real))
     return _fitting(results, most)
+
+
+def _with_room(
+    equations: Equations, module: ModuleType, states: int, most: int
+) -> tuple[list[str], int]:
+    """The functions, and at how many states, that will not be too many numbers: nothing is looked
+    at for nothing."""
+    arguments = sum(len(argument.labels) for argument in equations.arguments)
+    there = [f for f in equations.functions if hasattr(module, f.name)]
+    sizes = {f.name: arguments + f.result.size for f in there}
+    if states * sum(sizes.values()) <= most:
+        return list(sizes), states
+    room, names = most, list[str]()
+    for name, size in sizes.items():
+        if size <= room:
+            names.append(name)
+            room -= size
+    return names, 1
 
 
 def _fitting(results: Mapping[str, dict[str, Any]], most: int) -> dict[str, Any]:

@@ -144,7 +144,7 @@ def _zeros(doc: Manuscript, found: Coefficients) -> None:
         text += "constraint row belongs to an equation for a multiplier."
         reasons.append((Text("not needed"), Text(text)))
     doc.say("Of these coefficients:")
-    doc.items(reasons)
+    doc.items(reasons, tuple)
     if not found.table:
         doc.say("With one quasi-velocity there is no pair: no coefficient enters the equations.")
 

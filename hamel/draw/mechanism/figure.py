@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from derive.diagnostics import HamelError
+from derive.mechanics.limits import LONG
 from derive.mechanics.records import System
 from derive.model.constraint_records import Rolling
 from hamel.draw.mechanism import notes as write
@@ -75,8 +76,10 @@ def figure(system: System, state: Configuration | None = None) -> Figure:
 
 
 def picture(system: System) -> Figure | None:
-    """The same for a page, which stands without it; None where the model has no such state, or
-    numbers of which no drawing can be made."""
+    """The same for a page, which stands without it; None where the model has no such state, numbers
+    of which no drawing can be made, or so many links that nothing could be told apart."""
+    if len(system.links) >= LONG:
+        return None
     try:
         return figure(system)
     except (HamelError, ArithmeticError, ValueError):

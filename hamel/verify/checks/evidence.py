@@ -3,9 +3,9 @@ the equations' functions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from types import ModuleType
 from typing import Any
 
@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from codegen.reals import FLOAT64, Real, real_of
+from derive.expressions.deferred import OnDemand
 from derive.formulations.evaluate import Evaluator, evaluator, slots_of
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
@@ -462,12 +463,10 @@ class Evidence:
         return [each.reshape(value.shape) for each in moved]
 
     @cached_property
-    def expected(self) -> dict[str, tuple[Array, Array]]:
+    def expected(self) -> Mapping[str, tuple[Array, Array]]:
         """For every function the graph's results and the roundoff in them, states × entries."""
-        return {
-            function.name: self._expected(function.name)
-            for function in self.graph.equations.functions
-        }
+        names = [function.name for function in self.graph.equations.functions]
+        return OnDemand({name: partial(self._expected, name) for name in names})
 
     def _expected(self, name: str) -> tuple[Array, Array]:
         rows = self.rows_of(name)

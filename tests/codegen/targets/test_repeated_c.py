@@ -1,8 +1,8 @@
-"""Rows of loops in C, where statements that come again and again are written once: against NumPy,
-where all are written out, for one state and for many.
+"""Rows of loops in C and NumPy, where statements that come again and again are written once: against
+NumPy with all of them written out, for one state and for many.
 
 Of codegen.passes: repeats, tables, split, lanes.
-Of codegen.targets: c_functions, repeated.
+Of codegen.targets: c_functions, numpy, repeated.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from derive.mechanics.records import System
 from derive.model import load_text
 from derive.states import system
 from derive.states.sampling import states
-from hamel.build.module import module_in, published
+from hamel.build.module import loaded, module_in, published
 from tests.arrays import address, aligned
 from tests.loops import four_bars
 
@@ -70,6 +70,16 @@ def module(
     folder = tmp_path_factory.mktemp(command) / "four_bars"
     assert published(row[1], folder, compiler=[command]).compiled
     return module_in(str(folder))
+
+
+@pytest.fixture(scope="module")
+def written_out(row: tuple[System, Program], tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The NumPy text of the same without repeats."""
+    folder = tmp_path_factory.mktemp("written_out") / "four_bars"
+    folder.mkdir()
+    for name, text in emit(program(equations(row[0]), NAMES, roll="never")).items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return importlib.import_module(f"{loaded(folder).__name__}._numpy")
 
 
 def test_bodies_are_what_is_left_to_compile(row: tuple[System, Program]) -> None:
@@ -140,18 +150,27 @@ def test_places_that_are_far_away_are_no_short_numbers() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES[:-1])
-def test_c_agrees_with_what_is_written_out(
-    name: str, row: tuple[System, Program], module: Any
+def test_both_agree_with_what_is_written_out(
+    name: str, row: tuple[System, Program], module: Any, written_out: Any
 ) -> None:
     given = _somewhere(row[0], module)
     numpy = importlib.import_module(f"{module.__name__}._numpy")
     many = getattr(module, name)(*given)
-    expected = getattr(numpy, name)(*given)
+    expected = getattr(written_out, name)(*given)
     size = np.max(np.abs(expected), initial=1.0)
+    assert np.max(np.abs(getattr(numpy, name)(*given) - expected)) <= 1e-11 * size
+    one = getattr(numpy, name)(*(each[0] for each in given))
+    assert np.max(np.abs(one - expected[0])) <= 1e-11 * size
     assert np.max(np.abs(many - expected)) <= 1e-11 * size
     for k, found in enumerate(many):
         alone = getattr(module, name)(*(each[k] for each in given))
         assert np.max(np.abs(alone - found)) <= 1e-11 * size
+
+
+def test_the_numpy_text_does_not_grow_with_the_row() -> None:
+    texts = [emit(program(equations(system(load_text(four_bars(n)), "all")))) for n in (40, 120)]
+    first, longer = (len(text["_numpy.py"]) for text in texts)
+    assert longer < 1.2 * first
 
 
 def test_no_lane_has_to_be_done_again(

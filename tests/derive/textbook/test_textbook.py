@@ -33,6 +33,7 @@ from derive.textbook.names import per_second, symbol, velocity
 from derive.textbook.typeset import Typesetter
 from derive.textbook.write_html import page
 from derive.textbook.write_latex import article, escape
+from tests.loops import four_bars
 from tests.scenes import MODELS, ROOT, is_tree
 
 TOLERANCE = 1e-9
@@ -542,6 +543,18 @@ def test_long_terms_are_cut_into_named_ones():
         values[piece.symbol] = float(sympy.N(piece.expression.subs(values)))
     exact = float(ca.Function("f", [X, Y], [big])(0.3, 0.8))
     assert float(sympy.N(found[1][0].subs(values))) == pytest.approx(exact, rel=1e-9)
+
+
+def test_of_many_pivots_the_first_are_told():
+    """Nobody reads a thousand lines that are alike."""
+    shown = html(equations(system(load_text(four_bars(45)))))
+    assert shown.count("gives the angular velocity of") == 10  # of 90
+    assert "80 more" in shown
+    assert shown.count("It has to satisfy") == 8
+    assert "The other 37 are watched in the same way." in shown
+    short = html(equations(system(load_text(four_bars(3)))))
+    assert short.count("It has to satisfy") == 3
+    assert "watched in the same way" not in short
 
 
 def test_text_is_escaped_for_latex():

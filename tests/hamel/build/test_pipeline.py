@@ -28,6 +28,7 @@ from derive.model import load
 from hamel.build import folder, keys, pipeline, store
 from hamel.build.options import BuildOptions
 from tests.hamel.build.conftest import needs_compiler
+from tests.scenes import MODELS
 from tests.toy import toy
 
 ROOT = Path(__file__).parents[3]
@@ -193,9 +194,9 @@ def test_simulate_runs_nothing_that_build_refuses(
     calls = []
     usual = assurance.quick_verification
 
-    def planted(model, equations, module, states):
+    def planted(model, equations, module, states, functions=None):
         calls.append(model.name)
-        found = usual(model, equations, module, states)
+        found = usual(model, equations, module, states, functions=functions)
         wrong = replace(found.checks[0], passed=False)
         return replace(found, checks=(wrong, *found.checks[1:]))
 
@@ -208,6 +209,21 @@ def test_simulate_runs_nothing_that_build_refuses(
     hamel.simulate(PENDULUM, time=0.01, values={load(PENDULUM).parameters[0].name: 1.1})
     assert calls == ["pendulum"]  # it costs once
     assert store.root() is not None
+
+
+def test_a_choice_that_fails_on_the_way_is_not_verified(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What goes on in charts is verified with all of them."""
+    assurance = sys.modules["hamel.build.assurance"]
+    seen = []
+    usual = assurance.check_all
+
+    def noted(equations, *others):
+        seen.append(len(equations.charts))
+        return usual(equations, *others)
+
+    monkeypatch.setattr(assurance, "check_all", noted)
+    assert hamel.simulate(MODELS / "four_bar.yaml", choice="rocker", time=0.6).switches
+    assert len(seen) == 1 and seen[0] > 0  # charts beside it
 
 
 STARTED = (

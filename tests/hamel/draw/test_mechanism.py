@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from derive.mechanics.limits import LONG
 from derive.mechanics.records import System
 from derive.model import load, load_text
 from derive.robots import reading
@@ -27,6 +28,7 @@ from hamel.draw.mechanism.records import Box, Label
 from hamel.draw.mechanism.state import configuration
 from hamel.draw.mechanism.svg import DARK, LIGHT, TEXT_COLOURS
 from hamel.draw.mechanism.typeset import Run, extent, runs
+from tests.loops import four_bars
 from tests.scenes import MODELS
 
 FILES = sorted(MODELS.glob("*.yaml"))
@@ -286,6 +288,13 @@ def test_a_wrench_is_a_force_and_a_moment_at_its_frame():
 def test_a_page_stands_without_a_figure_that_cannot_be_drawn():
     text = "model: m\ncoordinates: {x: m}\nkinetic: der(x)^2*1 kg\nconstraints: {c: {holonomic: x^2 + 1 m^2}}\n"
     assert picture(system(load_text(text))) is None
+
+
+@pytest.mark.parametrize(("loops", "drawn"), [(124, True), (125, False)])
+def test_of_hundreds_of_links_nothing_could_be_told_apart(loops: int, drawn: bool) -> None:
+    of = system(load_text(four_bars(loops)))
+    assert (len(of.links) >= LONG) != drawn
+    assert (picture(of) is not None) == drawn
 
 
 def test_coordinates_are_called_as_the_file_says_and_as_the_derivation_does() -> None:

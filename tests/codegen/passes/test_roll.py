@@ -12,7 +12,10 @@ from __future__ import annotations
 
 import importlib
 import json
+import platform
 import re
+import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -171,6 +174,28 @@ def code_without_tables(made: Program) -> str:
     text = emit(made)[f"{made.name}_dynamics.c"]
     text = re.sub(r"= \{\n.*?\n\};", "", text, flags=re.DOTALL)
     return re.sub(r"\b\d+\b", "", text.lower().replace(made.name, ""))
+
+
+@pytest.mark.skipif(
+    platform.machine() != "x86_64" or shutil.which("gcc") is None, reason="gcc's report of loops"
+)
+@pytest.mark.parametrize("text", [chain(40), tree()], ids=["chain", "tree"])
+def test_lanes_of_short_visits_are_vectors_too(text: str, tmp_path: Path) -> None:
+    """gcc takes loops of few iterations and statements apart before it looks for vectors, and then
+    finds none: the sweep of velocities was one state after the other."""
+    made = program(derived(tmp_path, text), DYNAMICS, roll="always")
+    for name, content in emit(made).items():
+        if name.endswith((".c", ".h")):
+            (tmp_path / name).write_text(content)
+    code = f"{made.name}_batch.c"
+    flags = ["-std=c99", "-O3", "-mavx2", "-mfma", "-fno-math-errno", "-fno-trapping-math"]
+    command = ["gcc", *flags, "-fopt-info-vec-optimized", "-S", code, "-o", "batch.s"]
+    said = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stderr
+    vectors = set(map(int, re.findall(rf"{code}:(\d+):\d+: optimized: loop vectorized", said)))
+    lines = (tmp_path / code).read_text().splitlines()
+    heads = {i + 1 for i, line in enumerate(lines, 1) if line.strip() == "WHOLE"}
+    assert len(heads) > len(loops(made).sweeps)
+    assert heads <= vectors
 
 
 @pytest.mark.slow

@@ -122,7 +122,7 @@ def test_what_does_not_fit_is_refused_with_the_reason(
 def test_refused_before_anything_is_built(
     formulation: Any, enforcement: Enforcement, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiled, "temporary_module", lambda *given: pytest.fail("built"))
+    monkeypatch.setattr(compiled, "promised_module", lambda *given: pytest.fail("built"))
     why = reason("rolling_disk", formulation.name, enforcement.name)
     if not why:
         return

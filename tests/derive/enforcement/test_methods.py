@@ -69,7 +69,7 @@ def test_the_euclidean_metric_leads_to_the_same_motion() -> None:
 def test_refused_before_anything_is_built(
     options: dict[str, str], why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiled, "temporary_module", lambda *given: pytest.fail("built"))
+    monkeypatch.setattr(compiled, "promised_module", lambda *given: pytest.fail("built"))
     with pytest.raises(AssumptionError, match=why) as caught:
         hamel.simulate(MODELS / "four_bar.yaml", time=0.1, **options)  # type: ignore[arg-type]
     assert caught.value.exit_code == 2

@@ -1,9 +1,10 @@
-"""What fits on a line: which entries of a matrix are written in it and which beside it, and which
-numbers are too long to be read."""
+"""What fits on a line or a page: which entries of a matrix are written in it and which beside it,
+which numbers are too long to be read, and what is shown of a long list."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import casadi as ca
 import sympy
@@ -20,7 +21,10 @@ MUCH_SHORTER = 0.6  # of the operations over the basic symbols
 WORTH_NAMES = 30  # operations of all entries, before symbols of other terms are put into them
 FEW_DIGITS = 6  # of a number in a table
 MOST_DIGITS = 7  # a decimal of more gets a name
+MOST_ROWS = 40  # of a table or list that is printed whole
+KEPT = 10  # of a longer one
 
+Item = TypeVar("Item")
 Rows = list[list[sympy.Expr]]
 Places = set[tuple[int, int]]
 
@@ -104,3 +108,17 @@ def mark(x: ca.SX) -> str:
     if x.is_zero():
         return " "
     return "1" if x.is_constant() else "x"
+
+
+def ends(
+    items: Sequence[Item], most: int = MOST_ROWS
+) -> tuple[Sequence[Item], int, Sequence[Item]]:
+    """Of a long list the first, how many are left out, and the last two; all of a shorter one."""
+    if len(items) <= most:
+        return items, 0, ()
+    return items[: KEPT - 2], len(items) - KEPT, items[-2:]
+
+
+def more(count: int) -> str:
+    """What stands in the place of so many."""
+    return f"⋮ {count} more"

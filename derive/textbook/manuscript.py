@@ -22,9 +22,12 @@ from derive.textbook.compose import operations
 from derive.textbook.convert import BEARABLE, FEW_PIECES, MOST_PIECES, READABLE, Piece
 from derive.textbook.layout import (
     MOST_DIGITS,
+    MOST_ROWS,
     Rows,
+    ends,
     entry_index,
     mark,
+    more,
     much_shorter,
     plain,
     rounded,
@@ -64,8 +67,6 @@ BROAD = 12  # more columns than this are not shown as a matrix
 MOST_ENTRIES = 4000  # a larger matrix is not read at all
 MOST_READ = 400  # entries of a term that is tried to be read
 MOST_NODES = 60_000  # operations of one
-MOST_ROWS = 40  # of a table that is printed whole
-KEPT = 10  # of a longer one
 LONG = 900  # characters of a display that is folded
 MOST_LINES = 14  # so is one of more lines
 
@@ -182,7 +183,7 @@ class Manuscript:
     ) -> None:
         """A table of many things: a row for each, of long lists for the first and the last."""
         first, left_out, last = ends(items, most)
-        gap = tuple((Text("⋮" if k else _more(left_out)),) for k in range(len(head)))
+        gap = tuple((Text("⋮" if k else more(left_out)),) for k in range(len(head)))
         between = [gap] if left_out else []
         rows = [*(tuple(row(x)) for x in first), *between, *(tuple(row(x)) for x in last)]
         self._blocks.append(Table(tuple(head), tuple(rows)))
@@ -190,7 +191,7 @@ class Manuscript:
     def items(self, items: Sequence[Item], runs_of: Callable[[Item], Runs]) -> None:
         """Adds a list without numbers, of a long one the first and the last."""
         first, left_out, last = ends(items)
-        between: list[Runs] = [(Text(_more(left_out)),)] if left_out else []
+        between: list[Runs] = [(Text(more(left_out)),)] if left_out else []
         self._blocks.append(Items((*map(runs_of, first), *between, *map(runs_of, last))))
 
     def mean(
@@ -511,19 +512,6 @@ class Manuscript:
         if self.terms.has("E"):
             return [sum_of(row, column) for row in self.entries["E"]]
         return [column[i] for i in self.terms.independent]
-
-
-def ends(
-    items: Sequence[Item], most: int = MOST_ROWS
-) -> tuple[Sequence[Item], int, Sequence[Item]]:
-    """Of a long list the first, how many are left out, and the last two; all of a shorter one."""
-    if len(items) <= most:
-        return items, 0, ()
-    return items[: KEPT - 2], len(items) - KEPT, items[-2:]
-
-
-def _more(count: int) -> str:
-    return f"⋮ {count} more"
 
 
 def _is_long(lines: Sequence[Line]) -> bool:

@@ -15,7 +15,13 @@ unsigned void volatile while asm typeof linux unix bool true false NULL NAN INFI
 EOF errno main isnan isinf isfinite M_PI M_E M_PI_2 M_PI_4 M_1_PI M_2_PI M_SQRT2 M_LN2 M_LN10
 M_LOG2E M_LOG10E M_2_SQRTPI M_SQRT1_2 FP_NAN FP_ZERO j0 j1 jn y0 y1 yn gamma lgamma tgamma
 remainder div abs labs exp2 log2 log10 log1p cbrt round trunc rint nan fma erf erfc signbit
-ldexp frexp modf scalb logb
+ldexp frexp modf scalb logb FP_NORMAL FP_SUBNORMAL FP_INFINITE HUGE_VALF HUGE_VALL SIZE_MAX
+isnormal fpclassify offsetof
+"""
+# macros of the generated C, and functions that are called where locals are
+_MACROS = """
+ALIGNED APART AT BY_FOURS COLD EXPORT EXPORTED FAR INLINE PART RARE RARELY SEPARATE WHOLE
+casadi_int casadi_real clear give hand look take
 """
 _OURS = """
 t t_ c x u p out work lane LANES LARGER SMALLER EXP EXPM1 LOG LOG1P TANH SINH COSH ATAN ATAN2
@@ -25,7 +31,16 @@ where isscalar sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp l
 fabs floor ceil pow atan2 hypot fmin fmax copysign fmod sign
 """
 _RECAST = (word for real in REALS for pair in real.words.items() for word in pair)
-RESERVED = frozenset([*_C.split(), *_OURS.split(), *_RECAST, *keyword.kwlist, *keyword.softkwlist])
+RESERVED = frozenset(
+    [
+        *_C.split(),
+        *_MACROS.split(),
+        *_OURS.split(),
+        *_RECAST,
+        *keyword.kwlist,
+        *keyword.softkwlist,
+    ]
+)
 
 
 def identifier(label: str) -> str:

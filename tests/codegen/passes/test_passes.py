@@ -6,6 +6,7 @@ Of codegen.passes: hoist, improve, initial, names, plain, schedule, selection, t
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,10 +24,17 @@ from codegen.passes.graph import Work
 from codegen.passes.improve import PASSES, count, used_operations
 from codegen.passes.invert import invert
 from codegen.passes.lower import Lowered, Operation, lower
+from codegen.passes.names import RESERVED
 from codegen.passes.share import share
 from codegen.passes.trace import record, trace
+from codegen.text import TEMPLATES
 from derive.diagnostics import HamelError
 from tests.toy import toy
+
+TEMPLATES_WITH_LOCALS = (
+    *("batch.c.j2", "external.c.j2", "includes.c.j2", "inline.h.j2", "jax.c.j2", "kernels.c.j2"),
+    *("long.c.j2", "rolled.c.j2", "taylor.c.j2", "taylor_lanes.c.j2", "wasm.c.j2"),
+)
 
 X = ca.SX.sym("x", 5)
 a, b, c, d, e = (X[i] for i in range(5))
@@ -289,3 +297,10 @@ def test_what_is_known_late_is_multiplied_and_added_last() -> None:
     assert evaluated(balance(balanced), POINT) == evaluated(balanced, POINT)
     named = balance(lowered, range(len(lowered.code.operations)))
     assert named is lowered
+
+
+@pytest.mark.parametrize("file", TEMPLATES_WITH_LOCALS)
+def test_no_local_is_called_like_a_macro(file: str) -> None:
+    text = (TEMPLATES / file).read_text(encoding="utf-8")
+    macros = set(re.findall(r"#define (\w+)", text))
+    assert macros <= RESERVED

@@ -226,6 +226,31 @@ def test_a_choice_that_fails_on_the_way_is_not_verified(monkeypatch: pytest.Monk
     assert len(seen) == 1 and seen[0] > 0  # charts beside it
 
 
+MACROS = """
+model: macros
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {PART: 1 m, WHOLE: 1 kg, RARE: 0.1 kg*m^2, FAR: 1 N*s*m, ALIGNED: 0.3 N*m, SIZE_MAX: 1 N*m}
+inputs: {INLINE: {unit: N*m}, SEPARATE: {unit: N*m}}
+bodies:
+  a: {mass: WHOLE, com: [PART/2, 0], inertia: RARE}
+  b: {mass: WHOLE, com: [PART/2, 0], inertia: RARE}
+joints:
+  h: {type: revolute, parent: ground, child: a, coordinate: look}
+  g: {type: revolute, parent: a, child: b, at: [PART, 0], coordinate: take}
+loads:
+  m: {type: expression, joint: h, expression: INLINE - FAR*der(look) + ALIGNED*sin(look)}
+  l: {type: expression, joint: g, expression: SEPARATE + SIZE_MAX*cos(take)}
+"""
+
+
+@needs_compiler
+def test_names_of_a_model_may_be_those_of_macros(tmp_path: Path) -> None:
+    file = tmp_path / "macros.yaml"
+    file.write_text(MACROS, encoding="utf-8")
+    assert hamel.build(file, out=tmp_path / "macros").verified
+
+
 STARTED = (
     "import sys; print('.', flush=True); sys.argv = ['hamel', 'build', sys.argv[1]];"
     "from hamel.__main__ import main; main()"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from codegen.passes.improve import count, improve, used_operations
-from codegen.passes.names import Names, identifier
+from codegen.passes.names import RESERVED, Names, identifier
 from codegen.passes.schedule import Scheduled, schedule
 from codegen.passes.trace import record
 from codegen.program import (
@@ -40,6 +40,12 @@ AUTO, NEVER, ALWAYS = ("auto", "never", "always")
 # links for each kind, for a processor cannot foresee which comes next (60 of 12 kinds take 16 %
 # longer).
 FROM, PER_KIND = 40, 10
+# what loops over links call their own, in C and Python
+_LOCALS = """
+i j n k r e here sine cosine sines cosines angle angles slot slots tables constants come go start
+kind kinds rising singular
+"""
+LOCALS = frozenset(_LOCALS.split())
 
 
 @dataclass(frozen=True)
@@ -191,8 +197,9 @@ def _prologue(
         return Scheduled((), (), ()), dict.fromkeys((*KINDS, "total"), 0)
     p = next(argument for argument in arguments if argument.name == "p")
     best, _ = improve(function.name, record([("p", of.p)], computed), range(0))
-    names = {("p", i): name for i, name in enumerate(p.names)}
-    free = Names([*Names().taken, *names.values(), identifier(function.result.name)])
+    tables = [f"table{k}" for k in range(len(of.kinds))]
+    free = Names([*RESERVED, *LOCALS, *tables, identifier(function.result.name)])
+    names = {("p", i): free(name) for i, name in enumerate(p.names)}
     title = "constants of links, from parameters"
     done = schedule(best.lowered, best.marks, title, names, free)
     return done, count(used_operations(best.lowered))

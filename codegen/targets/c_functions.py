@@ -390,6 +390,7 @@ def _store_line(name: str, place: str | int, style: Style) -> str:
 
 def steps_of(program: Program, part: Part, style: Style) -> Iterator[Step]:
     taken = {statement.name for section in part.sections for statement in section.statements}
+    taken |= {load.name for load in part.loads} | {name for name, _ in part.taken}
     for section in part.sections:
         yield Step(("", f"/* {text.comment(section.title)} */"), (), ())
         turns = style.turns(program.name, section, taken)

@@ -198,6 +198,24 @@ def test_lanes_of_short_visits_are_vectors_too(text: str, tmp_path: Path) -> Non
     assert heads <= vectors
 
 
+def test_parameters_may_be_called_like_what_loops_call_their_own(tmp_path: Path) -> None:
+    """In C and in Python: a parameter `table0` became a number where a table of that name stood."""
+    free = equal_links(12)
+    for name, own in (("mm", "table0"), ("kk", "tables"), ("dd", "start"), ("l", "slots")):
+        free = re.sub(rf"\b{name}\b", own, free)
+    made = program(derived(tmp_path, free), DYNAMICS, roll="always")
+    folder = tmp_path / "named"
+    assert published(made, folder).compiled
+    module = loader.load(folder)
+    numpy = importlib.import_module(f"{module.__name__}._numpy")
+    x, u = np.random.default_rng(3).normal(size=module.nx), np.ones(1)
+    p = np.array(module.defaults) * 1.1
+    once = module.dynamics(0.0, x, u, p)
+    rows = np.tile(x, (9, 1)), np.ones((9, 1)), np.tile(p, (9, 1))
+    np.testing.assert_allclose(numpy.dynamics(0.0, x, u, p), once, rtol=CLOSE)
+    np.testing.assert_allclose(module.dynamics(np.zeros(9), *rows)[4], once, rtol=CLOSE)
+
+
 @pytest.mark.slow
 def test_code_does_not_grow_with_the_number_of_links(tmp_path: Path) -> None:
     few, many = (program(derived(tmp_path, chain(n)), DYNAMICS, roll="always") for n in (9, 18))

@@ -29,9 +29,9 @@ FLOATS = r"(divide by zero|overflow|underflow|invalid value) encountered"
 def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
     """Run `command` and return the exit code; errors go to standard error or, with --json, to
     standard output as one object."""
-    warnings.formatwarning = _once(set())
-    warnings.filterwarnings("ignore", FLOATS, RuntimeWarning)
     try:
+        warnings.formatwarning = _once(set())
+        warnings.filterwarnings("ignore", FLOATS, RuntimeWarning)
         _check_neighbours()
         code = command()
         sys.stdout.flush()

@@ -25,6 +25,7 @@ from codegen import emit
 from codegen.passes import program
 from derive.diagnostics import Diagnostic, ModelError, ToolchainError, VerificationError
 from derive.model import load
+from hamel import failures
 from hamel.build import folder, keys, pipeline, store
 from hamel.build.options import BuildOptions
 from tests.hamel.build.conftest import needs_compiler
@@ -255,6 +256,19 @@ STARTED = (
     "import sys; print('.', flush=True); sys.argv = ['hamel', 'build', sys.argv[1]];"
     "from hamel.__main__ import main; main()"
 )
+
+
+def test_an_interrupt_before_the_command_is_told_like_any_other(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What prepares for it compiles a pattern, in which an interrupt once was a traceback."""
+
+    def interrupted(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(failures.warnings, "filterwarnings", interrupted)
+    assert failures.guarded(lambda: 0, []) == failures.INTERRUPTED
+    assert capsys.readouterr().err == "error: interrupted\n"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")

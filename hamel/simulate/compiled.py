@@ -310,7 +310,8 @@ def _trial(
     InputError where a function of the user fails."""
     u, p, initial = problem.u, problem.p, problem.initial
     accuracy = tolerances(method, real_of(method.real))
-    stepping = motion.Stepping(method.integrator, method.enforcement, method.step_size, *accuracy)
+    enforced = problem.enforcement.name
+    stepping = motion.Stepping(method.integrator, enforced, method.step_size, *accuracy)
     seen = by if own_integrator(method) else based(by)
     if by.charts or by.frame:
         x, chart, p = charts.start(module, initial, u, p, problem.t)

@@ -10,7 +10,7 @@ import casadi as ca
 import sympy
 
 from derive.joints import joint_type
-from derive.model.records import Body, Joint, Parameter
+from derive.model.records import Body, Closure, Constraint, Input, Joint, Load, Parameter
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.records import Math, Run, Runs, Text
@@ -203,24 +203,31 @@ def _name(x: Any) -> Text:
 def _tied(doc: Manuscript) -> None:
     """Closures and constraints."""
     model = doc.system.model
-    rows: list[tuple[Runs, ...]] = []
-    for x in model.closures:
-        rows.append(((_name(x),), (Text(f"{x.type} closure"),), closure(doc, x)))
-    for x in model.constraints:
-        rows.append(((_name(x),), (Text(kind(x)),), constraint(doc, x)))
-    if rows:
+    ties = (*model.closures, *model.constraints)
+    if ties:
         doc.say("The motion is tied by:")
-        doc.table(("name", "kind", "what it says"), rows)
+        doc.listing(("name", "kind", "what it says"), ties, lambda x: _tie(doc, x))
+
+
+def _tie(doc: Manuscript, x: Closure | Constraint) -> tuple[Runs, ...]:
+    if isinstance(x, Closure):
+        return (_name(x),), (Text(f"{x.type} closure"),), closure(doc, x)
+    return (_name(x),), (Text(kind(x)),), constraint(doc, x)
 
 
 def _driven(doc: Manuscript) -> None:
     """Loads and inputs."""
     model = doc.system.model
-    rows: list[tuple[Runs, ...]] = [((_name(x),), load(doc, x)) for x in model.loads]
-    for symbol, x in zip(doc.u, model.inputs):
-        latex = doc.notation.latex[symbol]
-        rows.append(((Math(latex),), driven(doc, x)))
-        doc.mean(latex, "{about}", x.unit, about=x.about or f"input {x.name}")
-    if rows:
+    latex = {x.name: doc.notation.latex[symbol] for symbol, x in zip(doc.u, model.inputs)}
+    for x in model.inputs:
+        doc.mean(latex[x.name], "{about}", x.unit, about=x.about or f"input {x.name}")
+
+    def driving(x: Load | Input) -> tuple[Runs, ...]:
+        if isinstance(x, Input):
+            return (Math(latex[x.name]),), driven(doc, x)
+        return (_name(x),), load(doc, x)
+
+    drives = (*model.loads, *model.inputs)
+    if drives:
         doc.say("Applied forces and inputs are:")
-        doc.table(("name", "what it does"), rows)
+        doc.listing(("name", "what it does"), drives, driving)

@@ -23,7 +23,7 @@ from typing import Any
 
 import page
 from peers import pinocchio
-from peers.contest import BUILD, CORES, Contender, Unavailable, pinned
+from peers.contest import BUILD, CORES, Contender, Unavailable, deriving, pinned
 from rows import OURS, WRONG, Entry, Row, reason, rows
 from scenes import SCENES, Scene
 from targets import SCALAR
@@ -94,8 +94,14 @@ def compiled(names: Sequence[str], watch: Stopwatch) -> list[Entry]:
 
 
 def _derived(name: str, watch: Stopwatch) -> Iterator[Scene]:
+    scenes = SCENES[name]()
     try:
-        yield from SCENES[name]()
+        while True:
+            with deriving():
+                scene = next(scenes, None)
+            if scene is None:
+                return
+            yield scene
     except Exception as error:
         watch.say(f"{name}: {reason(error)}")
         yield Scene(SCALAR, name, partial(_unavailable, reason(error)), {}, {})
@@ -108,7 +114,8 @@ def _unavailable(why: str) -> Sequence[Contender]:
 def _watched(label: str, make: Callable[[], Any], watch: Stopwatch) -> Any:
     start = time.monotonic()
     try:
-        made = make()
+        with deriving():
+            made = make()
     except Exception as error:
         watch.say(f"{label}: {reason(error)}")
         raise

@@ -3,6 +3,7 @@ driver.c."""
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -11,7 +12,7 @@ import shutil
 import subprocess
 import tempfile
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,6 +36,8 @@ LIMITED = ("sh", "-c", 'ulimit -t 900; exec "$@"', "sh")  # s of processor time 
 DRIVING = 300.0  # s at most for all contenders of one scene
 _turns = threading.BoundedSemaphore(CORES)  # compilers that run at the same time
 _making: dict[Path, threading.Lock] = {}
+_derives = threading.Lock()
+_own = threading.local()  # does this thread derive?
 
 
 class Unavailable(Exception):
@@ -67,6 +70,31 @@ class Time:
     wrong: float = 0.0
 
 
+@contextlib.contextmanager
+def deriving() -> Iterator[None]:
+    """One thread at a time: CasADi lets go of Python's lock, and graphs that two threads share are
+    spoiled."""
+    with _derives:
+        _own.derives = True
+        try:
+            yield
+        finally:
+            _own.derives = False
+
+
+@contextlib.contextmanager
+def _meanwhile() -> Iterator[None]:
+    """Others may derive."""
+    if not getattr(_own, "derives", False):
+        yield
+        return
+    _derives.release()
+    try:
+        yield
+    finally:
+        _derives.acquire()
+
+
 def compiled(
     name: str, sources: Mapping[Path, Sequence[str]], link: Sequence[str] = (), shared: bool = True
 ) -> Path:
@@ -88,7 +116,7 @@ def compiled(
     for file in [*sources, *sorted(headers)]:
         digest.update(file.read_bytes())
     made = BUILD / "kept" / f"{name}-{digest.hexdigest()[:16]}{'.so' if shared else ''}"
-    with _making.setdefault(made, threading.Lock()):
+    with _meanwhile(), _making.setdefault(made, threading.Lock()):
         if not made.exists():
             _make(made, sources, commands, link, shared)
     return made.resolve()

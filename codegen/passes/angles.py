@@ -44,12 +44,52 @@ def turns(
 
 
 def _add(left: list[Expression], sums: Mapping[Expression, Parts], found: list[Turn]) -> None:
-    """The angles that are left to those that were found."""
+    """The angles that are left to those that were found: the first that is made of two of them, or
+    the first of all."""
+    known = _Known([sums[turn.angle] for turn in found])
+    ready = {angle for angle in left if known.pair(sums[angle])}
     while left:
-        made = (_made(angle, [turn.angle for turn in found], sums) for angle in left)
-        turn = next((turn for turn in made if turn), Turn(left[0]))
-        found.append(turn)
-        left.remove(turn.angle)
+        angle = next((angle for angle in left if angle in ready), left[0])
+        pair = known.pair(sums[angle])
+        if pair:
+            first, second, sign = pair
+            found.append(Turn(angle, (found[first].angle, found[second].angle), sign))
+        else:
+            found.append(Turn(angle))
+        left.remove(angle)
+        known.add(sums[angle])
+        ready |= {other for other in left if known.makes(sums[other], sums[angle])}
+
+
+class _Known:
+    """Sums that were found, by what they are of."""
+
+    def __init__(self, sums: Sequence[Parts]) -> None:
+        self._sums: list[Parts] = []
+        self._places: dict[frozenset[tuple[str, int]], int] = {}
+        for parts in sums:
+            self.add(parts)
+
+    def add(self, parts: Parts) -> None:
+        self._places.setdefault(_key(parts), len(self._sums))
+        self._sums.append(parts)
+
+    def _place(self, parts: Parts) -> int:
+        return self._places.get(_key(parts), len(self._sums))
+
+    def makes(self, wanted: Parts, last: Parts) -> bool:
+        """Whether it is the sum or a difference of the last and another one."""
+        others = (_added(wanted, last, -1), _added(wanted, last, 1), _added(last, wanted, -1))
+        return any(_key(other) in self._places for other in others)
+
+    def pair(self, wanted: Parts) -> tuple[int, int, int] | None:
+        """The first two that it is the sum (1) or the difference (-1) of."""
+        for first, parts in enumerate(self._sums):
+            plus = self._place(_added(wanted, parts, -1))
+            minus = self._place(_added(parts, wanted, -1))
+            if min(plus, minus) < len(self._sums):
+                return (first, plus, 1) if plus <= minus else (first, minus, -1)
+        return None
 
 
 def _key(parts: Parts) -> frozenset[tuple[str, int]]:
@@ -63,18 +103,6 @@ def spelled(value: Expression, values: Mapping[str, Expression]) -> Expression:
     if not isinstance(value, tuple):
         return value
     return (value[0], *(spelled(operand, values) for operand in value[1:]))
-
-
-def _made(
-    angle: Expression, known: Sequence[Expression], sums: Mapping[Expression, Parts]
-) -> Turn | None:
-    """The angle as a sum or a difference of two that are known."""
-    for a in known:
-        for b in known:
-            for sign in (1, -1):
-                if _added(sums[a], sums[b], sign) == sums[angle]:
-                    return Turn(angle, (a, b), sign)
-    return None
 
 
 def _parts(

@@ -47,14 +47,27 @@ C = Language(
 )  # fmt: skip
 # In loops over lanes: fmin, fmax and others of C are calls there, and where the result of a
 # comparison is an integer that more is done with, gcc takes half as many lanes, or one.
-_ANEW = ("exp", "expm1", "log", "log1p", "tanh", "sinh", "cosh", "atan", "asin", "acos", "atan2")
+_ANEW = (
+    "exp",
+    "expm1",
+    "log",
+    "log1p",
+    "tanh",
+    "sinh",
+    "cosh",
+    "atan",
+    "asin",
+    "acos",
+    "atan2",
+    "pow",
+)
 IN_LANES = ("SMALLER", "LARGER", *(name.upper() for name in _ANEW))  # functions of its own
 LANES = replace(
     C,
     calls={
         **C.calls,
-        **{name: f"{name.upper()}({{0}})" for name in _ANEW[:-1]},
-        "atan2": "ATAN2({0}, {1})",
+        **{name: f"{name.upper()}({{0}})" for name in _ANEW[:-2]},
+        "atan2": "ATAN2({0}, {1})", "pow": "POW({0}, {1})",
         "fmin": "SMALLER({0}, {1})", "fmax": "LARGER({0}, {1})",
         "sign": "(({0} > 0 ? 1.0 : 0.0) - ({0} < 0 ? 1.0 : 0.0))",
         "and": "(({0} != 0 ? 1.0 : 0.0) * ({1} != 0 ? 1.0 : 0.0))",

@@ -20,7 +20,7 @@ PLAIN = frozenset({
 })  # fmt: skip
 # Of the C library, and written anew without branches where they stand in lanes.
 LIBRARY = frozenset({
-    "exp", "expm1", "log", "log1p", "tanh", "sinh", "cosh", "atan", "atan2", "asin", "acos",
+    "exp", "expm1", "log", "log1p", "tanh", "sinh", "cosh", "atan", "atan2", "asin", "acos", "pow",
 })  # fmt: skip
 # statements, inputs and outputs together: longer loops over lanes take compilers too long. What is
 # asked for by name is in parts. Of code that comes again what is left counts.

@@ -11,7 +11,7 @@ import casadi as ca
 
 from codegen.passes.graph import EVEN, ODD, Mark
 from codegen.passes.lower import Code, Lowered, Operand
-from codegen.passes.trace import NAME_OF_CALL, Tape
+from codegen.passes.trace import NAME_OF_CALL, Tape, is_multiplied
 from derive.diagnostics import HamelError
 
 Signed = tuple[float, Operand]  # ±1 and what it stands before
@@ -90,4 +90,18 @@ def _call(code: Code, instruction: int, operands: list[Signed]) -> Signed:
         return operands[0][0], code.put(name, operands[0][1])
     if name in EVEN:
         return 1.0, code.put(name, operands[0][1])
-    return 1.0, code.put(name, *(_value(code, operand) for operand in operands))
+    values = [_value(code, operand) for operand in operands]
+    if name == "pow" and isinstance(values[1], float) and is_multiplied(values[1]):
+        return 1.0, _power(code, values[0], values[1])
+    return 1.0, code.put(name, *values)
+
+
+def _power(code: Code, base: Operand, exponent: float) -> Operand:
+    """Of a whole or half exponent, by products."""
+    factors = [base] * int(abs(exponent))
+    if abs(exponent) % 1.0:
+        factors.append(code.put("sqrt", base))
+    product: Operand = 1.0
+    for factor in factors:
+        product = factor if product == 1.0 else code.put("mul", product, factor)
+    return product if exponent > 0 else code.put("div", 1.0, product)

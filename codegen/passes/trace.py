@@ -145,13 +145,22 @@ def _name(code: int) -> str:
 Operation = Callable[[Graph, list[Reference]], Reference]
 
 
+def is_multiplied(exponent: float) -> bool:
+    """Whether a power is a product, with a root or without: it is whole or half, and small."""
+    return 2.0 * exponent == round(2.0 * exponent) and abs(exponent) <= MOST_MULTIPLIED_OUT
+
+
 def _power(graph: Graph, operands: list[Reference]) -> Reference:
+    """Of whole and half exponents products, with the root: x^(5/2) = x² √x is NaN, 0 and infinite
+    where the library's power is."""
     base, (value, node) = operands
-    if node == 0 and value == round(value) and abs(value) <= MOST_MULTIPLIED_OUT:
-        return graph.product([(base, round(value))])
-    if node == 0 and value == 0.5:
-        return graph.call("sqrt", [base])
-    return graph.call("pow", operands)
+    if node != 0 or not is_multiplied(value):
+        return graph.call("pow", operands)
+    whole = int(value)
+    factors = [(base, whole)] if whole else []
+    if value != whole:
+        factors.append((graph.call("sqrt", [base]), 1 if value > 0 else -1))
+    return graph.product(factors)
 
 
 def _call(name: str) -> Operation:

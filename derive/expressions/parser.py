@@ -14,6 +14,7 @@ import functools
 import math
 import re
 from collections.abc import Container, Mapping
+from fractions import Fraction
 from typing import NamedTuple, NoReturn
 
 from derive.diagnostics import did_you_mean, listed
@@ -25,10 +26,17 @@ from derive.expressions.functions import (
     OUTPUT_FUNCTIONS,
     Function,
 )
-from derive.expressions.limits import ABOVE, BELOW, too_large, too_small
+from derive.expressions.limits import (
+    ABOVE,
+    BELOW,
+    MOST_POWER,
+    MOST_SI,
+    too_large,
+    too_small,
+)
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
-from derive.expressions.units import UNITS, Unit, compound
+from derive.expressions.units import UNITS, Factor, Unit, compound
 
 NESTING = 60  # brackets, calls and exponents inside each other
 HEIGHT = 120  # levels of the finished tree: everything downstream may recurse over it
@@ -247,15 +255,15 @@ class _Parser:
         below = self._after(slash)
         return self._read(below).text in UNITS or bool(self._unit_bracket(below))
 
-    def unit_parts(self) -> list[tuple[str, int]]:
+    def unit_parts(self) -> list[Factor]:
         """Symbols and powers of a unit that starts here: `kg*m^2/s` gives kg 1, m 2, s −1."""
         parts = [self._unit_symbol(1)]
         return parts + self.unit_tail(self.token.at)
 
-    def unit_tail(self, at: int) -> list[tuple[str, int]]:
+    def unit_tail(self, at: int) -> list[Factor]:
         """The further factors of a unit. A `*` or `/` before anything but a unit ends it: in `3
         m*x` the x is a factor of the formula and not a unit."""
-        parts: list[tuple[str, int]] = []
+        parts: list[Factor] = []
         while self.token.text in ("*", "/"):
             bracket = self._unit_bracket(self._end)
             if not bracket and not self._unit_follows():
@@ -268,7 +276,7 @@ class _Parser:
                 parts.append(self._unit_symbol(sign))
         return parts
 
-    def _unit_bracket(self, at: int) -> list[tuple[str, int]]:
+    def _unit_bracket(self, at: int) -> list[Factor]:
         """`(rad*s)` at an offset, as in N*m/(rad*s): symbols of units alone, none of them a name of
         the model; [] where there is no bracket, or one of anything else."""
         opening = self._read(at)
@@ -300,22 +308,40 @@ class _Parser:
             )
         return True
 
-    def _unit_symbol(self, sign: int) -> tuple[str, int]:
+    def _unit_symbol(self, sign: int) -> Factor:
         token = self.token
         if token.kind != "name" or token.text not in UNITS:
             self._refuse_unit(token)
         self.take()
-        return token.text, sign * self._unit_exponent()
-
-    def _unit_exponent(self) -> int:
         if self.token.text not in ("^", "**"):
-            return 1
+            return token.text, Fraction(sign)
+        # powers of SI units are exact; those of others may leave what a double holds
+        most = MOST_SI if UNITS[token.text][0] == 1.0 else MOST_POWER
         self.take()
+        return token.text, sign * self._unit_exponent(most)
+
+    def _unit_exponent(self, most: int) -> Fraction:
+        """`2`, `1.5`, `-1` or `(3/2)`."""
         minus = self._signs()
+        at = self.token.at
+        found = (
+            self._bracketed_fraction() if self.token.text == "(" else self._fraction(r"\d+\.?\d?")
+        )
+        if found is None or found > most:
+            self._refuse("the power of a unit is no small number", at, "such as s^2 or m^1.5")
+        return -found if minus else found
+
+    def _bracketed_fraction(self) -> Fraction | None:
+        self.take()
+        above = self._fraction(r"\d+")
+        slash = self.take().text
+        below = self._fraction(r"\d")
+        closed = self.take().text == ")"
+        return above / below if above is not None and below and slash == "/" and closed else None
+
+    def _fraction(self, pattern: str) -> Fraction | None:
         token = self.take()
-        if token.kind != "number" or not token.text.isdigit() or len(token.text) > 1:
-            self._refuse("the power of a unit is not a small whole number", token.at, "such as s^2")
-        return -int(token.text) if minus else int(token.text)
+        return Fraction(token.text) if re.fullmatch(pattern, token.text, re.ASCII) else None
 
     def _refuse_unit(self, token: _Token) -> NoReturn:
         if token.text in self.names or token.text in self.functions or token.text == "der":

@@ -10,6 +10,7 @@ from fractions import Fraction
 from functools import cache, lru_cache
 
 Dimension = tuple[Fraction, Fraction, Fraction, Fraction]  # exponents of m, kg, s, A
+Factor = tuple[str, int | Fraction]  # a symbol and its exponent
 BASE = ("m", "kg", "s", "A")
 
 
@@ -102,15 +103,15 @@ def _table() -> dict[str, tuple[float, dict[str, int]]]:
 UNITS = _table()
 
 
-def compound(parts: Iterable[tuple[str, int]]) -> Unit:
+def compound(parts: Iterable[Factor]) -> Unit:
     """The unit Π symbolⁿ; every symbol must be in UNITS."""
     return _compound(tuple(parts))
 
 
 @lru_cache(maxsize=1024)
-def _compound(parts: tuple[tuple[str, int], ...]) -> Unit:
+def _compound(parts: tuple[Factor, ...]) -> Unit:
     factor, dimension = 1.0, NUMBER
-    exponents: dict[str, int] = {}
+    exponents: dict[str, int | Fraction] = {}
     for symbol, n in parts:
         scale, pieces = UNITS[symbol]
         factor *= scale**n
@@ -120,7 +121,7 @@ def _compound(parts: tuple[tuple[str, int], ...]) -> Unit:
     return Unit(factor, dimension, spelled(exponents.items()))
 
 
-def spelled(exponents: Iterable[tuple[str, int | Fraction]]) -> str:
+def spelled(exponents: Iterable[Factor]) -> str:
     """Text such as `kg*m^2/s`; "" for a plain number."""
     above = [_raised(symbol, n) for symbol, n in exponents if n > 0]
     below = [_raised(symbol, -n) for symbol, n in exponents if n < 0]
@@ -130,7 +131,11 @@ def spelled(exponents: Iterable[tuple[str, int | Fraction]]) -> str:
 
 
 def _raised(symbol: str, n: int | Fraction) -> str:
-    return symbol if n == 1 else f"{symbol}^{n}"
+    """As formulas read it: m, m^2, m^1.5, m^(1/3)."""
+    if n == 1:
+        return symbol
+    tenths = 10 * n == int(10 * n)
+    return f"{symbol}^{float(n):g}" if tenths else f"{symbol}^({n})"
 
 
 _PRETTY = ("N", "N*m", "N/m", "W", "N*s/m", "N*m*s", "Pa", "V", "ohm")

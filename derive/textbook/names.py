@@ -164,7 +164,7 @@ def bold(latex: str) -> str:
 def unit(text: str) -> str:
     """kg*m^2/s → kg·m²/s, as text."""
     powers = {"2": "²", "3": "³", "4": "⁴"}
-    printed = re.sub(r"\^([234])\b", lambda m: powers[m[1]], text).replace("*", "·")
+    printed = re.sub(r"\^([234])(?![.\d])", lambda m: powers[m[1]], text).replace("*", "·")
     return "–" if printed in ("", "1") else printed
 
 

@@ -113,7 +113,11 @@ def _carried(
 
     def operation(read: Instruction, operands: list[tuple[Array, Array]]) -> tuple[Array, Array]:
         z, *slopes = formula(read.code, len(operands))(*(value for value, _ in operands))
-        parts = [errors.passed(slope, error) for slope, (_, error) in zip(slopes, operands)]
+        # an exact operand passes nothing on, however steep: √0, or 0^1.5 over its exponent
+        parts = [
+            np.where(error == 0.0, 0.0, errors.passed(slope, error))
+            for slope, (_, error) in zip(slopes, operands)
+        ]
         total = parts[0] if len(parts) == 1 else parts[0] + parts[1]
         if read.code in EXACT:
             return z, total

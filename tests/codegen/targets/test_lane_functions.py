@@ -32,6 +32,7 @@ void {name}_loop(int n, const double *restrict x, const double *restrict y, doub
         out[i] = {name}(x[i]{more});
 }}
 """
+OF_TWO = ("ATAN2", "POW")
 BOUND = {"exp": 1.0, "log": 1.0}  # units in the last place, else 1.5
 TINY = 2.0**-1022
 MOST = np.finfo(float).max
@@ -46,7 +47,7 @@ def source() -> tuple[list[str], str]:
     called = [*names, *set(_MADE_OF.values())]
     program = SimpleNamespace(real=next(real for real in REALS if real.bits == 64))
     functions = text.render("lane_functions.c.j2", program, called=called)
-    loops = [LOOP.format(name=x, more=", y[i]" if x == "ATAN2" else "") for x in names]
+    loops = [LOOP.format(name=x, more=", y[i]" if x in OF_TWO else "") for x in names]
     return names, HEAD + functions + "".join(loops)
 
 
@@ -102,15 +103,39 @@ def pairs(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([x, across]), np.concatenate([random.permutation(x), along])
 
 
+def powers(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of every size up to where they end, and whole ones of negative numbers."""
+    random = np.random.default_rng(5)
+    base = np.concatenate([np.abs(x), 10.0 ** random.uniform(-323, 308, 2_000)])
+    base = base[(base > 0) & (base != 1.0)]
+    with np.errstate(all="ignore"):
+        exponent = random.uniform(-745, 709, len(base)) / np.log(base)
+    exponent[::3] = random.uniform(-3, 3, len(exponent[::3]))
+    whole = random.integers(-7, 8, len(x)).astype(float)
+    near = 1.0 + random.normal(size=400) * 10.0 ** random.uniform(-15, -1, 400)
+    near = near[near != 1.0]
+    far = random.uniform(-700, 700, len(near)) / np.log(near)
+    first, second = np.concatenate([base, x, near]), np.concatenate([exponent, whole, far])
+    plain = np.isfinite(second) & (first != 0)
+    return first[plain], second[plain]
+
+
+def given(name: str) -> tuple[np.ndarray, np.ndarray]:
+    found = arguments(name)
+    return pairs(found) if name == "atan2" else powers(found) if name == "pow" else (found, found)
+
+
 def exact(name: str, x: float, y: float) -> mpmath.mpf:
     with mpmath.workdps(60):
-        given = (mpmath.mpf(x), mpmath.mpf(y)) if name == "atan2" else (mpmath.mpf(x),)
-        return getattr(mpmath, name)(*given)
+        both = mpmath.mpf(x), mpmath.mpf(y)
+        if name == "pow":
+            return mpmath.power(*both)
+        return getattr(mpmath, name)(*(both if name == "atan2" else both[:1]))
 
 
 @pytest.mark.parametrize("name", sorted(LIBRARY))
 def test_each_is_that_of_many_digits_to_some_units_in_the_last_place(library, name):
-    x, y = pairs(arguments(name)) if name == "atan2" else (arguments(name),) * 2
+    x, y = given(name)
     rows = found(library, name, x, y)
     worst = 0.0
     for value, a, b in zip(rows, x, y):
@@ -128,10 +153,16 @@ def test_each_is_that_of_many_digits_to_some_units_in_the_last_place(library, na
 def test_unusual_arguments_give_what_the_library_gives(library, name):
     x = np.repeat(UNUSUAL, len(UNUSUAL))
     y = np.tile(UNUSUAL, len(UNUSUAL))
-    called = {"atan2": np.arctan2, "atan": np.arctan, "asin": np.arcsin, "acos": np.arccos}
+    called = {
+        "pow": np.float_power,
+        "atan2": np.arctan2,
+        "atan": np.arctan,
+        "asin": np.arcsin,
+        "acos": np.arccos,
+    }
     function = called.get(name) or getattr(np, name)
     with np.errstate(all="ignore"):
-        wanted = function(x, y) if name == "atan2" else function(x)
+        wanted = function(x, y) if name.upper() in OF_TWO else function(x)
     rows = found(library, name, x, y)
     np.testing.assert_allclose(rows, wanted, rtol=1e-15, atol=5e-324)
     finite = ~np.isnan(wanted)

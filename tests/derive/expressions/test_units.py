@@ -51,6 +51,10 @@ from derive.expressions.units import (
         ("m/s**2", 1.0, "m/s^2"),
         ("m*s^-2", 1.0, "m/s^2"),
         ("N*m*s/rad", 1.0, "N*m*s/rad"),
+        ("N/m^1.5", 1.0, "N/m^1.5"),
+        ("N/mm^(3/2)", 1e3**1.5, "N/m^1.5"),
+        ("m^-(1/3)", 1.0, "1/m^(1/3)"),
+        ("m^12", 1.0, "m^12"),
         ("kPa", 1e3, "Pa"),
         ("1", 1.0, ""),
         ("", 1.0, ""),
@@ -75,7 +79,11 @@ def test_units(text: str, factor: float, si: str) -> None:
         ("m/", ""),
         ("m^", ""),
         ("2", ""),
-        ("m^2.5", ""),
+        ("m^2.55", ""),
+        ("m^(1/0)", ""),
+        ("m^(1/2", ""),
+        ("mm^10", ""),
+        ("m^100", ""),
         ("degree", "'deg'"),
     ],
 )
@@ -134,6 +142,13 @@ def test_pretty_spells_what_it_reads(text: str) -> None:
     assert unit(pretty(dimension)).dimension == dimension
     assert pretty(dimension) == text
     assert named(dimension) == text or named(dimension).startswith("a plain number")
+
+
+@pytest.mark.parametrize("n", ["1/2", "-3/2", "1/3", "22/5", "17"])
+def test_units_of_every_power_are_read_again(n: str) -> None:
+    """Those of formulas, too: a file of FMI names the units of outputs."""
+    dimension = power_of(product_of(LENGTH, MASS), Fraction(n))
+    assert unit(pretty(dimension)).dimension == dimension
 
 
 def test_algebra() -> None:

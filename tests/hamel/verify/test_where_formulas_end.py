@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 import pytest
 
 import hamel
@@ -58,6 +59,21 @@ loads:
   hold: {type: expression, joint: up, expression: -pull*z}
 initial: {x: 0.3 m, z: -0.95 m}
 """
+# contacts after Hertz, which carry nothing most of the time, and a stream that runs dry
+CONTACT = """
+model: contact
+plane: xz
+gravity: [0, -9.81 m/s^2]
+parameters: {k: 1e5 N/m^1.5, c: 1 kN, l: 1 m}
+bodies: {ball: {mass: 1 kg, inertia: 0.01}}
+joints: {fall: {type: prismatic, parent: ground, child: ball, axis: z, coordinate: z}}
+where: {deep: "max(0.1 m - z, 0 m)"}
+loads:
+  floor: {type: expression, joint: fall, expression: "k*deep^1.5 + c*(deep/l)^1.3"}
+  pull: {type: expression, joint: fall, expression: "-c*((1 + (z/l)^2)^-2.5)"}
+  stream: {type: expression, joint: fall, expression: "c*sqrt(max(z - 2 m, 0 m)/l)"}
+initial: {z: 0.3 m}
+"""
 
 
 def seen(text: str, *names: str) -> Evidence:
@@ -101,3 +117,20 @@ def test_steps_are_compared_over_a_length_that_does_not_cross_a_bend(tmp_path: P
     (tmp_path / "rope.yaml").write_text(ROPE)
     functions = ("default", "step", "step_sensitivity")
     assert hamel.build(tmp_path / "rope.yaml", out=tmp_path / "rope", functions=functions)
+
+
+def test_powers_of_nothing_are_no_doubt(tmp_path: Path) -> None:
+    """Of what is exactly zero nothing is passed on, however steep the root is there."""
+    file = tmp_path / "contact.yaml"
+    file.write_text(CONTACT, "utf-8")
+    built = hamel.build(file, out=tmp_path / "contact")
+    module = hamel.load(built.folder)
+    z = np.linspace(-0.3, 0.3, 64)
+    rows = module.dynamics(0.0, np.stack([z, 0.0 * z], axis=-1))
+    deep = np.maximum(0.1 - z, 0.0)
+    wanted = 1e5 * deep**1.5 + 1e3 * deep**1.3 - 1e3 * (1.0 + z**2) ** -2.5 - 9.81
+    np.testing.assert_allclose(rows[:, 1], wanted, rtol=1e-13)
+    alone = [module.dynamics(0.0, [place, 0.0])[1] for place in z]
+    np.testing.assert_allclose(rows[:, 1], alone, rtol=1e-14)
+    text = (built.folder / "contact.c").read_text()
+    assert "pow(" in text and "1.5)" not in text and "-2.5" not in text  # half powers are products

@@ -16,7 +16,7 @@ from codegen.passes.initial import initial
 from codegen.passes.lanes import BATCHED, DYNAMICS, is_wide
 from codegen.passes.lower import Lowered
 from codegen.passes.names import Names, identifier
-from codegen.passes.roll import AUTO, FROM, NEVER, refusal, rolled
+from codegen.passes.roll import AUTO, NEVER, is_sure, refusal, rolled
 from codegen.passes.schedule import schedule
 from codegen.passes.selection import (
     chart_suffix,
@@ -276,9 +276,10 @@ def _straight_or_rolled(
         kernel, how = (kernel, "") if roll == NEVER else _repeating(kernel)
         return kernel, entries, how or (f"unrolled: {refused}" if refused else "")
     loops, entries = _rolled(equations, function, turning)
-    if roll == AUTO and links < FROM:
+    if not is_sure(function, roll, links):
         straight, its_entries = _kernel(equations, function, turning)
-        if loops.operations["total"] > straight.operations["total"]:
+        more = loops.operations["total"] > straight.operations["total"]
+        if more and not is_wide(straight):  # else loops alone have lanes
             return straight, its_entries, ""
     return loops, entries, _how(loops)
 

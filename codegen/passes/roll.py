@@ -40,6 +40,7 @@ AUTO, NEVER, ALWAYS = ("auto", "never", "always")
 # links for each kind, for a processor cannot foresee which comes next (60 of 12 kinds take 16 %
 # longer).
 FROM, PER_KIND = 40, 10
+FEWEST = 3  # of each kind: with fewer the code of all kinds is as long
 # what loops over links call their own, in C and Python
 _LOCALS = """
 i j n k r e here sine cosine sines cosines angle angles slot slots tables constants come go start
@@ -71,10 +72,19 @@ def refusal(function: Function, roll: str, links: int) -> str | None:
         if roll == ALWAYS:
             raise AssumptionError(f"{function.name} cannot be rolled: {why}") from None
         return why if links >= FROM else ""
-    if roll == AUTO and links < PER_KIND * kinds:
+    if roll == AUTO and links < FEWEST * kinds:
         why = f"{links} links of {kinds} kinds, too few of each to gain"
         return why if links >= FROM else ""
     return None
+
+
+def is_sure(function: Function, roll: str, links: int) -> bool:
+    """Whether loops are better than what is written out, without a comparison."""
+    if roll == ALWAYS:
+        return True
+    return function.recursion is not None and links >= max(
+        FROM, PER_KIND * len(function.recursion().kinds)
+    )
 
 
 def rolled(function: Function, arguments: Sequence[Argument]) -> Loops:

@@ -38,7 +38,7 @@ from hamel.build.module import published
 from hamel.build.options import BuildOptions
 from hamel.build.stages import equations_of, program_for
 from tests.scenes import MODELS
-from tests.trees import chain, equal_links, tree
+from tests.trees import chain, equal_links, tree, urdf
 
 DYNAMICS = ("dynamics",)
 FUNCTIONS = (*DYNAMICS, "bias", "inverse_dynamics", "dynamics_forward", "dynamics_adjoint")
@@ -286,6 +286,16 @@ def test_small_models_stay_as_they_are(tmp_path: Path) -> None:
     equations = derived(tmp_path, chain(3))
     assert program(equations, DYNAMICS) == program(equations, DYNAMICS, roll="never")
     assert "rolled" not in json.loads(emit(program(equations, DYNAMICS))["manifest.json"])
+
+
+def test_what_is_too_long_for_lanes_is_loops(tmp_path: Path) -> None:
+    """Also with more operations: of thirty links of eight kinds, not of twelve of six."""
+    for n, rolled in ((12, False), (30, True)):
+        parents = [(k - 1) // 2 for k in range(n)]
+        kinds = ["prismatic" if k % 5 == 4 else "continuous" for k in range(n)]
+        equations = derived(tmp_path, urdf("branched", parents, kinds))
+        kernel = program(equations, DYNAMICS).kernel("dynamics")
+        assert bool(kernel.rolled) is rolled and is_batched(kernel)
 
 
 def spoiled(made: Program) -> Program:

@@ -12,8 +12,8 @@ import math
 LARGEST = 1e60
 SMALLEST = 1e-60
 BELOW = f"a magnitude below {LARGEST:g} in SI units"
-MOST_POWER, MOST_SI = 9, 99  # of a unit, and of one that is of the SI without a factor
 ABOVE = f"0, or a magnitude above {SMALLEST:g} in SI units"
+MOST_POWER, MOST_SI = 9, 99  # of a unit, and of one that is of the SI without a factor
 
 
 def too_large(value: float) -> bool:

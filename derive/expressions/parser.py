@@ -325,7 +325,9 @@ class _Parser:
         minus = self._signs()
         at = self.token.at
         found = (
-            self._bracketed_fraction() if self.token.text == "(" else self._fraction(r"\d+\.?\d?")
+            self._bracketed_fraction()
+            if self.token.text == "("
+            else self._fraction(r"\d{1,2}(\.\d)?")
         )
         if found is None or found > most:
             self._refuse("the power of a unit is no small number", at, "such as s^2 or m^1.5")
@@ -333,7 +335,7 @@ class _Parser:
 
     def _bracketed_fraction(self) -> Fraction | None:
         self.take()
-        above = self._fraction(r"\d+")
+        above = self._fraction(r"\d{1,3}")
         slash = self.take().text
         below = self._fraction(r"\d")
         closed = self.take().text == ")"

@@ -218,8 +218,9 @@ def _tie(doc: Manuscript, x: Closure | Constraint) -> tuple[Runs, ...]:
 def _driven(doc: Manuscript) -> None:
     """Loads and inputs."""
     model = doc.system.model
-    latex = {x.name: doc.notation.latex[symbol] for symbol, x in zip(doc.u, model.inputs)}
-    for x in model.inputs:
+    inputs = tuple(x for _, x in zip(doc.u, model.inputs))
+    latex = {x.name: doc.notation.latex[symbol] for symbol, x in zip(doc.u, inputs)}
+    for x in inputs:
         doc.mean(latex[x.name], "{about}", x.unit, about=x.about or f"input {x.name}")
 
     def driving(x: Load | Input) -> tuple[Runs, ...]:
@@ -227,7 +228,7 @@ def _driven(doc: Manuscript) -> None:
             return (Math(latex[x.name]),), driven(doc, x)
         return (_name(x),), load(doc, x)
 
-    drives = (*model.loads, *model.inputs)
+    drives = (*model.loads, *inputs)
     if drives:
         doc.say("Applied forces and inputs are:")
         doc.listing(("name", "what it does"), drives, driving)

@@ -27,6 +27,7 @@ from derive.joints.rotations import dot, is_zero, minus, plus
 from derive.mechanics.articulated import tree_solution
 from derive.mechanics.forms import Form
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
+from derive.mechanics.layouts import layouts
 from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Carried, Inertia, Named, System
 from derive.mechanics.solve import ldl_solution, scalars
@@ -266,7 +267,7 @@ def _by_joints(system: System, reduction: Reduction, Q: ca.SX, vdot: ca.SX) -> V
     if reduction.tree is not None:
         return _by_joints_of_tree(reduction, reduction.tree, Q)
     motion = _entries(reduction.v), _entries(vdot)
-    inertial = _column(joint_forces_of_motion(system.links, *motion, system.gravity))
+    inertial = _column(joint_forces_of_motion(system.layouts, *motion, system.gravity))
     return _entries(ca.mtimes(reduction.S.T, Q - inertial))
 
 
@@ -275,7 +276,7 @@ def _by_joints_of_tree(reduction: Reduction, tree: Carried, Q: ca.SX) -> Vector:
     assert walked is not None
     # what the further frame is short of in acceleration the joint has more: its links feel the sum
     motion = tree.frame.relative(walked.v), walked.sigma
-    inertial = _column(joint_forces_of_motion(tree.links, *motion, tree.gravity))
+    inertial = _column(joint_forces_of_motion(layouts(tree.links), *motion, tree.gravity))
     return _less_inertial(reduction, tree, Q, inertial)
 
 

@@ -60,7 +60,7 @@ def _newton_euler(system: System, motion: Motion, vdot: ca.SX, mu: ca.SX) -> _Re
     forces = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot)
     value = forces + system.h_extra - system.Q
     still = [0.0] * mu.numel()
-    product = column(joint_forces_of_motion(system.links, still, entries(mu), [0.0, 0.0, 0.0]))
+    product = column(joint_forces_of_motion(system.layouts, still, entries(mu), [0.0, 0.0, 0.0]))
     product = product + ca.mtimes(system.M_extra, mu)
     parts = (at_motion(system, motion, x) for x in (value, product, system.M))
     return _Residual(vdot, mu, *parts)

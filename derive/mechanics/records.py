@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
@@ -18,6 +19,9 @@ from derive.joints.records import Rotation
 from derive.mechanics.limits import LONG
 from derive.mechanics.symbols import Symbols
 from derive.model.records import FirstOrderState, Model, Parameter
+
+if TYPE_CHECKING:
+    from derive.mechanics.layouts import Layout
 
 Numbers = tuple[Vector, Vector]  # a twist (ω, v)
 
@@ -229,6 +233,7 @@ class System:
     carried: Term[tuple[Carried, ...]] = Term()
     # equivalent sets: as given, and regrouped across the joints
     inertias: Term[tuple[tuple[Inertia, ...], ...]] = Term()
+    layouts: Term[tuple[Layout, ...]] = Term()  # of the links, for their inverse dynamics
 
     @property
     def labels(self) -> tuple[str, ...]:

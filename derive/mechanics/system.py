@@ -20,6 +20,7 @@ from derive.mechanics.carriers import carried
 from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
+from derive.mechanics.layouts import layouts
 from derive.mechanics.limits import FEW, LONG, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Applied, applied, armatures
@@ -101,6 +102,7 @@ def _assembled(
     lasting = not any(isinstance(load, Exhaust) for load in model.loads)
     late = not written and not tied and lasting and len(links) >= LONG
     inertias = functools.cache(lambda: _inertias(links))
+    seen = functools.cache(lambda: layouts(links))
     M = _mass(links, inertias(), nv) + extra.M if written else ca.SX(nv, nv)
     A, c, beta = _rows(scene, [row for block in found for row in block.ways[0]])
     phi = (
@@ -111,7 +113,7 @@ def _assembled(
     zdot, stored = rates_of_states(scene), energy_of_states(scene)
 
     def bias() -> ca.SX:
-        forces = joint_forces_of_motion(links, _entries(s.v), [0.0] * nv, g)
+        forces = joint_forces_of_motion(seen(), _entries(s.v), [0.0] * nv, g)
         return _column(forces) + extra.h
 
     @functools.cache
@@ -178,6 +180,7 @@ def _assembled(
         links=links,
         carried=Deferred(lambda: carried(scene, g)),
         inertias=Deferred(inertias),
+        layouts=Deferred(seen),
         places=tuple(scene.places.items()),
         blocks=tuple(block.ways for block in found),
         written=written,
@@ -244,7 +247,7 @@ def inertial_forces(system: System, vdot: ca.SX) -> ca.SX:
     """M v̇ + h of the links alone, (nv × 1), by Newton–Euler: gravity is in it, but neither rotors
     nor the energies that a file gives by formula (M_extra, h_extra)."""
     return _column(
-        joint_forces_of_motion(system.links, _entries(system.v), _entries(vdot), system.gravity)
+        joint_forces_of_motion(system.layouts, _entries(system.v), _entries(vdot), system.gravity)
     )
 
 

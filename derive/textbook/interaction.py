@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
+from derive.mechanics.layouts import layouts
 from derive.mechanics.records import Inertia, Link, System
 from derive.mechanics.system import inertial_forces
 from derive.mechanics.tree import mass_matrix
@@ -147,4 +148,5 @@ def _mass(system: System, inertias: Sequence[Inertia]) -> ca.SX:
 def _bias(system: System, inertias: Sequence[Inertia]) -> ca.SX:
     """h of the same tree with other inertias."""
     links = tuple(replace(link, inertia=own) for link, own in zip(system.links, inertias))
-    return inertial_forces(replace(system, links=links), ca.SX.zeros(system.v.numel()))
+    changed = replace(system, links=links, layouts=layouts(links))
+    return inertial_forces(changed, ca.SX.zeros(system.v.numel()))

@@ -1,6 +1,6 @@
 """M v̇ + h in few operations is M v̇ + h of plain Newton–Euler.
 
-Of derive.mechanics: inverse_dynamics, moments.
+Of derive.mechanics: inverse_dynamics, layouts, stems, base_parameters, moments.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def both(s: System) -> tuple[np.ndarray, np.ndarray]:
     plain = newton_euler(s.links, [x.inertia for x in s.links], v, rates, s.gravity)
     ways = [
         joint_forces(s.links, plain, n),
-        joint_forces_of_motion(s.links, v, rates, s.gravity),
+        joint_forces_of_motion(s.layouts, v, rates, s.gravity),
     ]
     at = ca.Function("f", [s.t, s.q, s.v, vdot, s.p], [ca.vertcat(*x) for x in ways])
     rng = np.random.default_rng(3)

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import casadi as ca
 
 Value = TypeVar("Value")
 
 
-@dataclass(frozen=True, slots=True)
-class Instruction:
+class Instruction(NamedTuple):  # there are many: a frozen dataclass takes three times as long
     """`code` is CasADi's operation, `operands` are the numbers of the instructions it works on.
 
     An input (OP_INPUT) has its place in `entry`: the argument and the nonzero of it; a constant

@@ -135,6 +135,8 @@ SYNONYMS = {
     **dict.fromkeys(("hinge", "pin", "continuous", "rotational", "rotary"), "revolute"),
     **dict.fromkeys(("slide", "slider", "translational", "linear"), "prismatic"),
     **dict.fromkeys(("spherical", "socket"), "ball"),
+    **dict.fromkeys(("cardan", "hooke"), "universal"),
+    "helical": "screw",
     **dict.fromkeys(("weld", "rigid"), "fixed"),
     **dict.fromkeys(("floating", "freejoint"), "free"),
     **dict.fromkeys(("world", "inertial", "origin"), "ground"),

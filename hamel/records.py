@@ -66,7 +66,8 @@ class Built:
 @dataclass(frozen=True)
 class Checked:
     """A model that is a mechanical system. `rank` is that of the constraint rows at the consistent
-    initial state."""
+    initial state; `speeds_at_start`, what it leaves, is more than the degrees of freedom where that
+    state is singular."""
 
     model: str
     file: str
@@ -82,6 +83,7 @@ class Checked:
     refused: Mapping[str, str]  # choices of the file that cannot be built, and why
     rank: int
     degrees_of_freedom: int
+    speeds_at_start: int
     moved: Mapping[
         str, Mapping[str, float]
     ]  # held initial values that had to give way: given and used

@@ -112,3 +112,15 @@ constraints:
   bowl: {type: point_on_surface, body: b, at: [0.1, 0, 0.2], of: a, surface: x**2 + y**2/2 + 2*z**2 + x*z*sin(f*t) - D}
 """
 SURFACE = LOOPS["ball"] + ON_SURFACE
+
+# a parallelogram that starts in a line, where it may go on as another linkage
+FLAT = """
+model: flat
+plane: xy
+bodies: {a: {mass: 1 kg, inertia: 1}, b: {mass: 1 kg, inertia: 1}, c: {mass: 1 kg, inertia: 1}}
+joints:
+  A: {type: revolute, parent: ground, child: a, coordinate: p, spring: {stiffness: 10}}
+  B: {type: revolute, parent: a, child: b, at: [1, 0], coordinate: q}
+  D: {type: revolute, parent: ground, child: c, at: [2, 0], coordinate: r}
+closures: {C: {type: revolute, between: [b, c], at: [[2, 0], [1, 0]]}}
+"""

@@ -55,6 +55,9 @@ SPREADS = (
 STUDY_SAMPLES = 3  # motions near the given one at which families are looked for
 # singular values of rows of like size below this belong to rows that repeat others
 SAME_ROWS = 1e-9
+# the same of rows over their usual lengths at a steady motion, which is found to half the digits
+# where they are dependent
+DEPENDENT = 1e-6
 
 # unreduced
 CONSTANT = 1e-8  # relative rate below which a velocity is constant along the motion

@@ -13,7 +13,7 @@ import numpy as np
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.cyclic import confirmed, cyclic_coordinates
-from derive.linearize.limits import SAME_ROWS, SPREADS, STUDY_SAMPLES
+from derive.linearize.limits import DEPENDENT, SAME_ROWS, SPREADS, STUDY_SAMPLES
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
 from derive.linearize.records import Linear, Steady
 from derive.linearize.spectrum import Stage, deflated, families
@@ -132,6 +132,7 @@ def study(
     p = np.array([given[name] for name in equations.arguments[3].labels])
     s = np.array([given[name] for name in motion.sweepable])
     y = settled(result, p, s)
+    _check_rank(equations, motion, y, p)
     form = linear(equations, y[: equations.system.q.numel()], p)
     places = tuple(k for k, j in enumerate(form.independent) if j in left_out)
     remaining = tuple(k for k in range(len(form.states)) if k not in places)
@@ -149,6 +150,30 @@ def study(
     )
     velocity = [form.independent[k] >= equations.system.q.numel() for k in remaining]
     return replace(first, families=families(_samples(first), velocity))
+
+
+def _check_rank(equations: Equations, motion: SteadyMotion, y: np.ndarray, p: np.ndarray) -> None:
+    """The rows of A are as independent at the motion y = (x, u) as anywhere else."""
+    system = equations.system
+    if system.v.numel() == len(equations.w):
+        return
+    found = equations.request("constraint_rows").function.result
+    assert found.pattern is not None
+    x, u = np.split(y, [equations.arguments[1].symbols.numel()])
+    rows = np.zeros(found.pattern.shape)
+    entries = evaluator(equations, found.value)(x[None], u[None], p[None])[0, :, 0]
+    rows[list(found.pattern.rows), list(found.pattern.columns)] = entries
+    rank = int(np.linalg.matrix_rank(rows, tol=DEPENDENT))
+    speeds = system.v.numel() - rank
+    if speeds > len(equations.w):
+        labels = equations.arguments[1].labels[: system.q.numel()]
+        place = listed([f"{name} {value:.4g}" for name, value in zip(labels, x)], 6)
+        raise AssumptionError(
+            f"the steady motion '{motion.name}' is at a singular configuration of "
+            f"{system.model.name}: {place}; {speeds} speeds are free there, {len(equations.w)} "
+            "elsewhere",
+            "linear equations do not describe motions through it: guess or hold another one",
+        )
 
 
 def _settings(

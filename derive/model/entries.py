@@ -293,7 +293,7 @@ class JointEntry(TurnedEntry):
     )
     coordinates: NameList | None = Field(
         None,
-        description="Names of the joint's coordinates.",
+        description="Names of the joint's coordinates; of a free joint the first three will do.",
         json_schema_extra=term("names of the entries of q"),
     )
     position: NameList | None = Field(

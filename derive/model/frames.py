@@ -145,9 +145,12 @@ def _given_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) 
         reader.report(key.span, f"'{wrong}' of a {table.name} joint", "coordinate or coordinates")
     if entry.coordinate is not None:
         return _counted(reader, key, [entry.coordinate], table, entry.coordinate.span)
-    if entry.coordinates is not None:
+    places = entry.position
+    if free and places is None and entry.coordinates is not None and len(entry.coordinates) == 3:
+        places = entry.coordinates
+    elif entry.coordinates is not None:
         return _counted(reader, key, list(entry.coordinates), table, entry.coordinates.span)
-    return _free_names(reader, key, entry, table) if free else []
+    return _free_names(reader, key, entry, table, places) if free else []
 
 
 def _counted(
@@ -167,7 +170,9 @@ def _counted(
     return []
 
 
-def _free_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) -> list[Scalar]:
+def _free_names(
+    reader: Reader, key: Key, entry: JointEntry, table: JointType, places: Items | None
+) -> list[Scalar]:
     """Position first, then the angles or the entries of the quaternion."""
     given = entry.orientation if isinstance(entry.orientation, OrientationEntry) else None
     turned = (
@@ -178,7 +183,7 @@ def _free_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) -
         else given.angles
     )
     suffixes = [slot.suffix for slot in table.coordinates]
-    return _named(reader, key, entry.position, suffixes[:3], "position") + _named(
+    return _named(reader, key, places, suffixes[:3], "position") + _named(
         reader, key, turned, suffixes[3:], "orientation"
     )
 

@@ -369,10 +369,13 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
     repeats = dependent_rows(system, A, survey.kept) if np.isfinite(A).all() else ""
     if not repeats:
         return error
-    start = f"{system.model.name}: at the start, with these parameters"
+    if np.array_equal(problem.p, system.own_parameters):
+        start, hint = "at the start", "another start: rows that repeat others elsewhere are dropped"
+    else:
+        start = "at the start, with these parameters"
+        hint = "another start, or these values in the file: what repeats is found and dropped there"
     return AssumptionError(
-        f"{start}, {repeats}: {error.diagnostics[0].message}",
-        "another start, or these values in the file: what repeats is found and dropped there",
+        f"{system.model.name}: {start}, {repeats}: {error.diagnostics[0].message}", hint
     )
 
 

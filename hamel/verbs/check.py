@@ -28,7 +28,7 @@ RANK = 1e-9
 
 
 def run(path: str | PathLike[str]) -> Checked:
-    """Rank of A and the degrees of freedom nv − rank A at the consistent initial state, the usable
+    """Degrees of freedom, the rank of A at the consistent initial state, the usable
     choices, and why the others are refused.
 
     Raises ModelError where the file is wrong, AssumptionError where the first choice cannot be
@@ -39,6 +39,7 @@ def run(path: str | PathLike[str]) -> Checked:
     initial = initial_state(mechanics)
     rank = _rank(mechanics, initial.q)
     usable, refused = usable_choices(mechanics)
+    default = next(iter(usable.values()))
     return Checked(
         model=model.name,
         file=model.file,
@@ -53,9 +54,10 @@ def run(path: str | PathLike[str]) -> Checked:
         choices=tuple(usable),
         refused=refused,
         rank=rank,
-        degrees_of_freedom=len(model.velocities) - rank,
+        degrees_of_freedom=len(default.w),
+        speeds_at_start=len(model.velocities) - rank,
         moved=moved_by(initial.moved),
-        assumptions=next(iter(usable.values())).assumptions,
+        assumptions=default.assumptions,
     )
 
 
@@ -80,6 +82,11 @@ def show(record: Checked, console: Console) -> None:
         size += f", {counted(len(record.states), 'first-order state')}"
     freedom = f"{counted(record.degrees_of_freedom, 'degree')} of freedom"
     console.print(f"{record.model}: ok, {size}, {freedom}; choices {', '.join(record.choices)}")
+    if record.speeds_at_start > record.degrees_of_freedom:
+        console.print(
+            f"  the initial state is singular: {record.speeds_at_start} speeds are free there, "
+            f"{record.degrees_of_freedom} elsewhere, and no motion from it is determined"
+        )
     for assumption in record.assumptions:
         console.print(f"  {assumption}")
     refusals(record.refused, console)

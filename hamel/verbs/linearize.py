@@ -25,6 +25,7 @@ from derive.linearize.unreduced import unreduced
 from hamel.build.clock import Clock
 from hamel.build.files import write_text
 from hamel.build.stages import equations_of
+from hamel.linear.limits import SAME
 from hamel.linear.page import page
 from hamel.linear.ranges import ranges, values
 from hamel.linear.sweep import Sweep, swept
@@ -223,5 +224,9 @@ KINDS = {
 
 
 def _complex(pair: Sequence[float]) -> str:
-    re, im = pair
-    return f"{re:.6g}" if im == 0 else f"{re:.6g}{im:+.6g}i"
+    """A part that is nothing beside the other is not shown: rounding leaves it of zero."""
+    size = math.hypot(*pair)
+    re, im = (0.0 if abs(part) <= SAME * size else part for part in pair)
+    if im == 0:
+        return f"{re:.6g}"
+    return f"{im:.6g}i" if re == 0 else f"{re:.6g}{im:+.6g}i"

@@ -7,6 +7,8 @@ from rich.console import Console
 from hamel.records import Simulated
 from hamel.show import number
 
+MOST_SWITCHES = 5  # changes of choice that are told one by one
+
 
 def show(record: Simulated, console: Console) -> None:
     """Where it starts, what it took, and how far the motion can be trusted."""
@@ -58,8 +60,12 @@ def _show_charts(record: Simulated, console: Console) -> None:
         console.print(f"  {record.landings} steps end where forces go on to another piece")
     if record.charts:
         console.print(f"  charts used         {record.charts}")
-    for switch in record.switches:
+    for switch in record.switches[:MOST_SWITCHES]:
         console.print(
             f"  between {switch.time:.6g} s and {switch.before:.6g} s {switch.left} "
             f"came near where it fails; {switch.entered} took over"
         )
+    more = len(record.switches) - MOST_SWITCHES
+    if more > 0:
+        last = record.switches[-1]
+        console.print(f"  {more} more like these, the last before {last.before:.6g} s")

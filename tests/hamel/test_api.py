@@ -14,10 +14,11 @@ from derive.diagnostics import AssumptionError, HamelError, ModelError, Toolchai
 from derive.formulations.requests import request_of
 from hamel.build.options import affordable
 from hamel.build.stages import equations_of, program_of
+from hamel.cli import main
 from hamel.records import as_json
 from hamel.verbs.choices import recommendation
 from tests.scenes import MODELS
-from tests.texts import ARM
+from tests.texts import ARM, FLAT
 
 
 def test_every_verb_is_a_function():
@@ -273,6 +274,19 @@ def test_records_are_json():
     record = hamel.check(MODELS / "four_bar.yaml")
     assert json.loads(json.dumps(as_json(record)))["degrees_of_freedom"] == 1
     assert set(as_json(record)) == {field.name for field in fields(record)}
+
+
+def test_a_singular_start_is_told(tmp_path, capsys):
+    """It is no second degree of freedom."""
+    path = tmp_path / "flat.yaml"
+    path.write_text(FLAT)
+    record = hamel.check(path)
+    assert (record.degrees_of_freedom, record.speeds_at_start) == (1, 2)
+    with pytest.raises(SystemExit):
+        main(["check", str(path)])
+    assert "singular: 2 speeds are free there, 1 elsewhere" in capsys.readouterr().out
+    with pytest.raises(AssumptionError, match=r"flat: at the start, row 1 of closure C"):
+        hamel.simulate(path, time=1.0)
 
 
 def test_numbers_json_does_not_have_become_null():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from derive.diagnostics import listed
 from derive.model.actuators import velocity_of
 from derive.model.document import Scalar
 from derive.model.frames import Frame, Names
@@ -20,7 +21,14 @@ def in_joint(reader: Reader, names: Names, frame: Frame) -> list[Load]:
     given = [name for name in IN_JOINT if getattr(entry, name) is not None]
     if not given:
         return []
-    if len(frame.velocities) != 1:
+    if len(frame.velocities) > 1:
+        reader.report(
+            key.span,
+            f"{given[0]} in the joint '{key}', which has {len(frame.velocities)} velocities",
+            _elsewhere(frame, given[0]),
+        )
+        return []
+    if not frame.velocities:
         velocity_of(
             reader, key, At(joint=Scalar(str(key), key.span, True, True)), names.velocities
         )  # says what is wrong
@@ -38,6 +46,17 @@ def _in_joint(reader: Reader, frame: Frame, kind: str) -> Load:
     if kind == "friction":
         return friction_at(reader, key, name, given, target)
     return armature_at(reader, key, name, given, target)
+
+
+def _elsewhere(frame: Frame, kind: str) -> str:
+    """What to write where the joint cannot say which of its velocities is meant."""
+    rates = [velocity.rate_of for velocity in frame.velocities if velocity.rate_of]
+    if rates:
+        return f"an entry under loads: {{type: {kind}, coordinate: one of {listed(rates)}}}"
+    if kind == "spring":
+        return "a joint with one velocity, or an entry under loads: {type: bushing, …}"
+    names = listed(velocity.name for velocity in frame.velocities)
+    return f"an entry under loads: {{type: {kind}, velocity: one of {names}}}"
 
 
 IN_JOINT = ("spring", "damper", "friction", "armature")

@@ -30,6 +30,7 @@ from derive.states.initial import initial_state
 from derive.textbook import printed
 from hamel.cli import main
 from tests.scenes import MODELS
+from tests.texts import FLAT
 
 
 def studied(name: str, at: str | None = None, choice: str | None = None, **values: float):
@@ -422,6 +423,16 @@ def test_equilibria_are_found_from_the_initial_values():
         studied("car_axis", "guess")
     with pytest.raises(AssumptionError, match="no steady motion was found near the initial values"):
         studied("screw_press", "guess")
+
+
+def test_a_singular_position_has_no_linear_equations():
+    """A parallelogram in a line may go on as another linkage."""
+    found = equations(system(load_text(FLAT)))
+    said = (
+        "'guess' is at a singular configuration of flat: .*; 2 speeds are free there, 1 elsewhere"
+    )
+    with pytest.raises(AssumptionError, match=said):
+        study(found, motion_of(found, None))
 
 
 @pytest.mark.parametrize(

@@ -240,6 +240,19 @@ def test_rod_and_surface() -> None:
     )
 
 
+def test_three_coordinates_of_a_free_joint_are_its_position() -> None:
+    """As most people write it; the angles have their names beside their sequence."""
+    short, long = (
+        joint("type: free, coordinates: [x, y, z]"),
+        joint("type: free, position: [x, y, z]"),
+    )
+    assert short.coordinates == long.coordinates
+    turned = joint(
+        "type: free, coordinates: [x, y, z], orientation: {euler: zyx, angles: [a, b, c]}"
+    )
+    assert turned.coordinates == ("x", "y", "z", "a", "b", "c")
+
+
 def test_a_free_joint_turns_by_a_quaternion_unless_the_file_says_otherwise() -> None:
     silent, said = joint("type: free"), joint("type: free, orientation: quaternion")
     assert silent.orientation == "quaternion" and silent.coordinates == said.coordinates

@@ -733,8 +733,24 @@ ERRORS = [
     (
         "spring_of_ball",
         joint("type: ball, spring: {stiffness: 1}", "«A"),
-        "the joint 'A' has 3 velocities",
-        "a joint with one velocity",
+        "spring in the joint 'A', which has 3 velocities",
+        "a joint with one velocity, or an entry under loads: {type: bushing, …}",
+        "",
+    ),
+    (
+        "damper_of_ball",
+        joint("type: ball, damper: 1", "«A"),
+        "damper in the joint 'A', which has 3 velocities",
+        "an entry under loads: {type: damper, velocity: one of A.wx, A.wy, A.wz}",
+        "",
+    ),
+    (
+        "spring_in_universal",
+        joint(
+            "type: universal, axis: x, axis2: y, coordinates: [a, b], spring: {stiffness: 1}", "«A"
+        ),
+        "spring in the joint 'A', which has 2 velocities",
+        "an entry under loads: {type: spring, coordinate: one of a, b}",
         "",
     ),
     (  # its keys are joint and coordinate: no velocity is offered

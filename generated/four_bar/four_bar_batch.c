@@ -27,6 +27,13 @@
 #define ALIGNED
 #endif
 
+/* It becomes vectors as a whole: taken apart before, a short one would be one state after the other. */
+#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 8
+#define WHOLE _Pragma("GCC unroll 1")
+#else
+#define WHOLE
+#endif
+
 INLINE double LARGER(double a, double b)
 {
     return a > b ? a : b;
@@ -143,6 +150,7 @@ void four_bar_constraints_lanes(const double *restrict t_, const double *restric
     double *restrict out, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         const double q1 = x[0 * LANES + lane];
@@ -203,6 +211,7 @@ void four_bar_project_lanes(const double *restrict t_, const double *restrict x,
     double *restrict out, double *restrict stray, double *restrict residual)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         const double q1 = x[0 * LANES + lane];
@@ -285,6 +294,7 @@ void four_bar_power_lanes(const double *restrict t_, const double *restrict x, c
     double *restrict out, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         const double q1 = x[0 * LANES + lane];
@@ -317,6 +327,7 @@ void four_bar_guards_lanes(const double *restrict t_, const double *restrict x, 
     double *restrict out, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         const double q1 = x[0 * LANES + lane];
@@ -344,6 +355,7 @@ void four_bar_rates_lanes(const double *restrict t_, const double *restrict x, c
     const double *restrict c, double *restrict out, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         const double q1 = x[0 * LANES + lane];
@@ -430,6 +442,7 @@ void four_bar_rates_pair(const double *restrict t0, const double *restrict x0, c
     const double *restrict c1, double *restrict out1, double *restrict stray1)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         {
             const double *const t_ = t0, *const x = x0, *const u = u0, *const p = p0, *const c = c0;
@@ -599,6 +612,7 @@ void four_bar_slope_lanes(const double *restrict t_, const double *restrict x, c
     const double *restrict c, double *restrict out, double *restrict power, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         const double q1 = x[0 * LANES + lane];
@@ -713,6 +727,7 @@ void four_bar_slope_pair(const double *restrict t0, const double *restrict x0, c
     const double *restrict c1, double *restrict out1, double *restrict power1, double *restrict stray1)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         {
             const double *const t_ = t0, *const x = x0, *const u = u0, *const p = p0, *const c = c0;
@@ -938,6 +953,7 @@ void four_bar_looked_lanes(const double *restrict t_, const double *restrict x, 
     double *restrict out, double *restrict seen, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         stray[lane] = 0.0;
@@ -1025,6 +1041,7 @@ void four_bar_plain_lanes(const double *restrict t_, const double *restrict x, c
     const double *restrict c, const double *restrict out, const double *restrict power, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         {
@@ -1057,6 +1074,7 @@ void four_bar_dynamics_lanes(const double *restrict t_, const double *restrict x
     double *restrict out, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         const double q1 = x[0 * LANES + lane];

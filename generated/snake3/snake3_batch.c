@@ -27,6 +27,13 @@
 #define ALIGNED
 #endif
 
+/* It becomes vectors as a whole: taken apart before, a short one would be one state after the other. */
+#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 8
+#define WHOLE _Pragma("GCC unroll 1")
+#else
+#define WHOLE
+#endif
+
 /* Four entries of four rows turned over: to[i][lane] is from[lane][i]; rows and columns lie `apart` and `beside` numbers from each other. */
 INLINE void turn(const double *from, ptrdiff_t apart, double *to, ptrdiff_t beside)
 {
@@ -138,6 +145,7 @@ void snake3_constraints_lanes(const double *restrict t_, const double *restrict 
     double *restrict out, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         const double phi1 = x[3 * LANES + lane];
@@ -184,6 +192,7 @@ void snake3_power_lanes(const double *restrict t_, const double *restrict x, con
     double *restrict out, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         const double phi1 = x[3 * LANES + lane];
@@ -219,6 +228,7 @@ void snake3_rates_lanes(const double *restrict t_, const double *restrict x, con
     const double *restrict c, double *restrict out, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         const double th = x[2 * LANES + lane];
         const double phi1 = x[3 * LANES + lane];
@@ -311,6 +321,7 @@ void snake3_slope_lanes(const double *restrict t_, const double *restrict x, con
     const double *restrict c, double *restrict out, double *restrict power, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         const double th = x[2 * LANES + lane];
         const double phi1 = x[3 * LANES + lane];
@@ -428,6 +439,7 @@ void snake3_plain_lanes(const double *restrict t_, const double *restrict x, con
     const double *restrict c, const double *restrict out, const double *restrict power, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         {
@@ -455,6 +467,7 @@ void snake3_dynamics_lanes(const double *restrict t_, const double *restrict x, 
     double *restrict out, double *restrict stray)
 {
     int lane;
+    WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         const double th = x[2 * LANES + lane];

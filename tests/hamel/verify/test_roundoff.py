@@ -1,7 +1,7 @@
 """Roundoff of long chains: what is estimated covers what happens and stays below the bound, which
 there says nothing; so one constant that is off by a millionth is seen in a module and in a target.
 
-Of hamel.verify.checks: roundoff.
+Of hamel.verify.checks: carried, roundoff.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from derive.formulations.records import Equations
 from derive.linearize.limits import CYCLIC_SAMPLES, LEAST_SCALE, NOTHING
 from derive.linearize.minimal import evaluator, position_rows
 from derive.states.sampling import states
+from derive.states.scales import scales
 
 
 def cyclic_coordinates(equations: Equations) -> tuple[int, ...]:
@@ -48,9 +49,24 @@ def _slopes(equations: Equations) -> np.ndarray:
     w = [np.asarray(B(0.0, q, p)) @ v for q, v, p in zip(sampled.q, sampled.v, sampled.p)]
     own, z = np.split(sampled.p, [len(system.own_parameters)], axis=1)
     at = np.hstack([sampled.q, np.array(w).reshape(len(sampled.q), -1), z])
-    sizes = np.abs(evaluator(equations, ca.jacobian(value, x))(at, sampled.u, own))
+    slopes = evaluator(equations, ca.jacobian(value, x))(at, sampled.u, own)
+    sizes = _in_own_units(equations, np.abs(slopes))
     scale = np.max(sizes, axis=2, keepdims=True, initial=0.0)
     return np.any(sizes[:, :, : system.q.numel()] > NOTHING * (LEAST_SCALE + scale), axis=0)
+
+
+def _in_own_units(equations: Equations, slopes: np.ndarray) -> np.ndarray:
+    """Slopes (N × rows × nx) of (φ, q̇, ẇ) in the model's own units. Rows of φ do not say theirs:
+    where it is not SI, one of them is the largest slope."""
+    own = scales(equations.system.model)
+    if own.plain:
+        return slopes
+    one = own.all_of(equations.arguments[1].units)
+    sizes = slopes * one
+    first = slopes.shape[1] - len(one)
+    positions = np.max(sizes[:, :first], axis=(0, 2), initial=0.0)
+    rows = np.concatenate([np.where(positions > 0, positions, 1.0), one / own.time])
+    return sizes / rows[:, np.newaxis]
 
 
 def _speed_rows(equations: Equations) -> ca.SX:

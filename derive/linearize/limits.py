@@ -7,7 +7,9 @@ CRITICAL_NEAR = 12  # bisections before eigenvalues are told apart by nearness
 CRITICAL_STEPS = 100  # of a bisection, at most: a double has 53 bits
 
 # cyclic
-LEAST_SCALE = 1e-3  # of a derivative, in SI units, where it is small at all sampled states
+LEAST_SCALE = (
+    1e-3  # of a derivative, in the model's own units, where it is small at all sampled states
+)
 CYCLIC_SAMPLES = 5  # random states at which a derivative has to vanish
 NOTHING = 1e-8  # relative size of a derivative that counts as zero at random states
 
@@ -40,6 +42,7 @@ STRAIGHT = 1e-13  # residual, against 1 + |y|, up to which a course is a straigh
 STEADY_STEPS = 40  # of a damped Newton iteration
 RANK = 1e-10  # relative singular value below which a direction is left alone
 KEPT = 1e-9  # relative residual up to which a motion is steady
+STRAYS = 1e-3  # relative step that is no last one: a search that still makes it runs away
 HALVINGS = 8  # of one of its steps
 CREEPS = 1e-5  # a largest speed below this is tried at rest
 FLAT = 1e-3  # the least slope that a row's residual is measured by

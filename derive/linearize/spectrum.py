@@ -85,12 +85,18 @@ def _complement(A: np.ndarray, count: int) -> np.ndarray:
     return basis @ A @ basis.transpose(0, 2, 1)
 
 
-def deflated(A: np.ndarray, stages: Sequence[Stage]) -> np.ndarray:
-    """A without the families found at other motions."""
-    left = A
+def in_units(A: np.ndarray, one: np.ndarray) -> np.ndarray:
+    """A (N × k × k) of states counted in units of `one` each (k): what is small is told apart from
+    nothing in the model's own units, not in SI, where a fast system of micrometres has both."""
+    return A * (one / one[:, np.newaxis])
+
+
+def deflated(A: np.ndarray, stages: Sequence[Stage], one: np.ndarray) -> np.ndarray:
+    """A without the families found at other motions; `one` of each state as of `in_units`."""
+    left, kept = in_units(A, one), one
     for stage in stages:
-        left = without(left, stage)
-    return left
+        left, kept = without(left, stage), np.delete(kept, stage)
+    return in_units(left, 1.0 / kept)
 
 
 def eigenvalues(A: np.ndarray) -> NDArray[np.complex128]:

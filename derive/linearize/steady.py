@@ -24,6 +24,7 @@ from derive.linearize.limits import (
     STANDS,
     STEADY_STEPS,
     STRAIGHT,
+    STRAYS,
 )
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
@@ -285,6 +286,7 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
     y, free = with_inputs(found, y, p, s)
     D = found.scale
     rows = row_sizes(found, _evaluated(found, y, p, s)[1])
+    step, done = np.zeros_like(y), False
     for _ in range(STEADY_STEPS):
         residual, slopes = _evaluated(found, y, p, s)
         scaled = slopes * (free * D) / rows[:, None]
@@ -292,6 +294,8 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
         y, done = _damped(found, y, step, p, s, residual, rows)
         if done:
             break
+    if not done and _share(found, step, y) > STRAYS:
+        raise _lost(found, y, step)
     R, J = _evaluated(found, y, p, s)
     worst = _excess(R / rows, J * D / rows[:, None], y / D)
     if not np.all(np.isfinite(R)) or np.max(worst, initial=0.0) > KEPT:
@@ -360,15 +364,32 @@ def _damped(
         scale /= 2
     else:
         return y, True
+    return trial, _share(found, step, y) <= STANDS or before == 0.0
+
+
+def _share(found: Problem, step: np.ndarray, y: np.ndarray) -> float:
+    """How large a step is beside y, in the model's own units."""
     moved, size = (float(np.max(np.abs(x / found.scale), initial=0.0)) for x in (step, y))
-    small = moved <= STANDS * (1.0 + size)
-    return trial, small or before == 0.0
+    return moved / (1.0 + size)
 
 
 def _excess(R: np.ndarray, J: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Residuals relative to what the terms of their rows could amount to."""
     slopes = np.maximum(np.max(np.abs(J), axis=1, initial=0.0), FLAT)
     return np.abs(R) / (slopes * (1.0 + float(np.max(np.abs(y), initial=0.0))))
+
+
+def _lost(found: Problem, y: np.ndarray, step: np.ndarray) -> AssumptionError:
+    """Where forces fade away with distance, nothing is missed far enough out."""
+    model, motion = found.equations.system.model, found.motion
+    names = (*found.equations.arguments[1].labels, *found.equations.arguments[2].labels)
+    k = int(np.argmax(np.abs(step / found.scale)))
+    message = (
+        f"no steady motion was found: the search for '{motion.name}' runs away, "
+        f"{names[k]} is {y[k]:.3g} and still changes by {step[k]:.3g}"
+    )
+    advice = "what keeps the motion steady to be held, or another guess"
+    return AssumptionError(model.diagnostic(motion.span, message, advice))
 
 
 def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionError:

@@ -16,10 +16,11 @@ from derive.linearize.cyclic import confirmed, cyclic_coordinates
 from derive.linearize.limits import DEPENDENT, SAME_ROWS, SPREADS, STUDY_SAMPLES
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
 from derive.linearize.records import Linear, Steady
-from derive.linearize.spectrum import Stage, deflated, families
+from derive.linearize.spectrum import Stage, deflated, families, in_units
 from derive.linearize.steady import Problem, family, problem, residuals_of, settled
 from derive.model.records import SteadyMotion
 from derive.numerics import refuses_numerically
+from derive.states.scales import scales
 
 Rows = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 Columns = Mapping[str, Sequence[float] | np.ndarray]  # values by name, one for each motion
@@ -49,6 +50,12 @@ class Study:
     def names(self) -> tuple[str, ...]:
         """The states that are left, without cyclic ones; families still in."""
         return tuple(self.linear.states[k] for k in self.kept)
+
+    @property
+    def one(self) -> np.ndarray:
+        """One of each state that is left, in the model's own units."""
+        own = scales(self.equations.system.model)
+        return own.all_of(self.linear.units[k] for k in self.kept)
 
     @property
     def reduced(self) -> tuple[str, ...]:
@@ -104,7 +111,8 @@ class Study:
     def matrices(self, motions: Steady) -> np.ndarray:
         """A without cyclic coordinates and families, N × k × k: the matrix whose eigenvalues are
         reported."""
-        return deflated(self.A_kept(motions.x, motions.u, motions.p), self.families)
+        A = self.A_kept(motions.x, motions.u, motions.p)
+        return deflated(A, self.families, self.one)
 
     def along(self, sweep: Columns) -> np.ndarray:
         """The matrix of the linear equations for each value of a sweep: the steady motion is found
@@ -149,7 +157,8 @@ def study(
         partial(residuals_of, result),
     )
     velocity = [form.independent[k] >= equations.system.q.numel() for k in remaining]
-    return replace(first, families=families(_samples(first), velocity))
+    found = families(in_units(_samples(first), first.one), velocity)
+    return replace(first, families=found)
 
 
 def _check_rank(equations: Equations, motion: SteadyMotion, y: np.ndarray, p: np.ndarray) -> None:

@@ -19,6 +19,7 @@ from derive.diagnostics import AssumptionError, HamelError, ModelError
 from derive.formulations import equations
 from derive.linearize import study
 from derive.linearize.critical import critical_values
+from derive.linearize.cyclic import cyclic_coordinates
 from derive.linearize.minimal import evaluator, with_linearization
 from derive.linearize.sensitivity import modes
 from derive.linearize.spectrum import eigenvalues
@@ -423,6 +424,48 @@ def test_equilibria_are_found_from_the_initial_values():
         studied("car_axis", "guess")
     with pytest.raises(AssumptionError, match="no steady motion was found near the initial values"):
         studied("screw_press", "guess")
+
+
+def test_a_fast_oscillation_of_something_small_is_no_family():
+    """In SI its matrix, [0 1; -1e11 -1e4], is singular to eleven digits."""
+    text = """
+model: plate
+coordinates: {y: m}
+parameters: {m: 2.3e-11 kg, k: 2.5 N/m, d: 3e-7 N*s/m, g: 2e-6 m}
+kinetic: m/2*der(y)^2
+potential: k/2*(y - g/100)^2
+forces: {y: -d*der(y)}
+"""
+    found = equations(system(load_text(text)))
+    result = study(found, motion_of(found, None))
+    assert result.families == () and result.cyclic == ()
+    decay, rate = 3e-7 / 4.6e-11, np.sqrt(2.5 / 2.3e-11 - (3e-7 / 4.6e-11) ** 2)
+    wanted = [complex(-decay, rate), complex(-decay, -rate)]
+    assert eigenvalues(result.along({}))[0] == pytest.approx(wanted, rel=1e-10)
+
+
+ORBIT = """
+model: orbit
+coordinates: {x: m, y: m, z: m}
+parameters: {mu: 3.986004418e14 m^3/s^2, J2: 1.08263e-3, R: 6378137 m, m: 500 kg}
+where: {r: "sqrt(x^2 + y^2 + z^2)"}
+kinetic: m/2*(der(x)^2 + der(y)^2 + der(z)^2)
+potential: "-m*mu/r*(1 - J2*(R/r)^2*(3*(z/r)^2 - 1)/2)"
+initial: {x: 7000 km, der(y): 5 km/s, der(z): 5.6 km/s}
+outputs: {alt: r - R}
+"""
+
+
+def test_an_orbit_has_no_cyclic_positions():
+    """Slopes of 1e-6 per second squared and less are small in SI alone."""
+    assert cyclic_coordinates(equations(system(load_text(ORBIT)))) == ()
+
+
+def test_a_search_that_runs_away_finds_no_motion():
+    """Far enough out nothing pushes any more, and steps go on: from rest, 1e14 m away."""
+    found = equations(system(load_text(ORBIT)))
+    with pytest.raises(AssumptionError, match="no steady motion was found"):
+        study(found, motion_of(found, None))
 
 
 def test_a_singular_position_has_no_linear_equations():

@@ -19,6 +19,7 @@ import casadi as ca
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import alternatives
 from derive.expressions.deferred import Deferred
+from derive.expressions.roots import has_bounded_roots, with_finite_slopes
 from derive.formulations.contraction import contractions
 from derive.formulations.functions import Motion, as_loops
 from derive.formulations.records import Argument, Elimination, Function, Pattern, Request, Result
@@ -67,7 +68,7 @@ def derivatives(
     slots = {argument.name: argument for argument in arguments}
     ways = Ways(dynamics, slots, mechanics)
     by = slots | {"p": _parameters(slots["p"], mechanics)}
-    return (
+    requests = (
         *(
             request
             for name in "xup"
@@ -86,6 +87,23 @@ def derivatives(
         Request("step", STEP, needs=("dynamics", *IMPLICIT)),
         Request("step_sensitivity", SENSITIVITY, needs=("dynamics", *IMPLICIT, *_slopes(slots))),
     )
+    return tuple(_finite(request, dynamics) for request in requests)
+
+
+def _finite(request: Request, dynamics: Function) -> Request:
+    """With slopes that are numbers, where `dynamics` takes roots of max(…, 0)."""
+    make = request.make
+    if make is None:
+        return request
+
+    def made() -> Function:
+        function = make()
+        if not (dynamics.result.written and has_bounded_roots(dynamics.result.value)):
+            return function
+        value = with_finite_slopes(function.result.value)
+        return replace(function, result=replace(function.result, value=value))
+
+    return replace(request, make=made)
 
 
 class Ways:

@@ -17,6 +17,7 @@ import numpy as np
 from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
 from derive.expressions.columns import columns_of
+from derive.expressions.roots import with_finite_slopes
 from derive.expressions.scalars import Vector
 from derive.formulations.records import Argument, Equations, Function, Request, Result
 from derive.linearize.limits import MANY, MINIMAL_NEAR, SPARED, WEAK
@@ -62,10 +63,10 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
         independent=tuple(independent),
         dependent=tuple(j for j in dependent if j < nq),
         T=T,
-        A=ca.mtimes(ca.jacobian(rates, x), T),
-        B=ca.jacobian(rates, u),
-        C=ca.mtimes(ca.jacobian(y, x), T),
-        D=ca.jacobian(y, u),
+        A=ca.mtimes(with_finite_slopes(ca.jacobian(rates, x)), T),
+        B=with_finite_slopes(ca.jacobian(rates, u)),
+        C=ca.mtimes(with_finite_slopes(ca.jacobian(y, x)), T),
+        D=with_finite_slopes(ca.jacobian(y, u)),
         guards=guards if system.phi.numel() else (),
     )
 

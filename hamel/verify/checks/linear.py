@@ -16,6 +16,7 @@ import numpy as np
 
 from codegen.reals import FLOAT64
 from derive.diagnostics import AssumptionError, ModelError
+from derive.expressions.roots import with_finite_slopes
 from derive.formulations.evaluate import slots_of
 from derive.formulations.records import Equations, Function
 from derive.linearize import linear, study
@@ -292,7 +293,7 @@ def _slopes_of_forward(e: Evidence, k: int) -> float:
     slots = [argument.symbols for argument in e.graph.equations.arguments]
     rates = e.graph.equations.function("dynamics").result.value
     seed = ca.SX(ca.DM(np.append(tau, d)))
-    along = ca.jtimes(rates, ca.vertcat(slots[0], slots[1]), seed)
+    along = with_finite_slopes(ca.jtimes(rates, ca.vertcat(slots[0], slots[1]), seed))
     directions = _by_state_and_input(e, k, np.diag(units))
     wanted = tangents(slots, along, (np.array([s.t]), x, s.u, s.p), directions)
     given = np.concatenate([x, d, [tau]])
@@ -321,9 +322,8 @@ def _curvature(e: Evidence, k: int, name: str) -> float:
     d, y = _random(e, k)
     slots = [argument.symbols for argument in e.graph.equations.arguments]
     rates = e.graph.equations.function("dynamics").result.value
-    along = ca.dot(
-        ca.jtimes(rates, ca.vertcat(slots[1], slots[2]), ca.SX(ca.DM(d))), ca.SX(ca.DM(y))
-    )
+    rate = ca.jtimes(rates, ca.vertcat(slots[1], slots[2]), ca.SX(ca.DM(d)))
+    along = with_finite_slopes(ca.dot(rate, ca.SX(ca.DM(y))))
     directions = _by_state_and_input(e, k, np.diag(units))
     wanted = tangents(slots, along, (np.array([s.t]), x, s.u, s.p), directions)[0]
     given = np.concatenate([x, y, d] if name == SECOND else [x, y])

@@ -39,9 +39,9 @@ def with_finite_slopes(value: ca.SX) -> ca.SX:
     def operation(read: Instruction, operands: list[ca.SX]) -> ca.SX:
         if len(made) in bounds:
             operands = [ca.SX(LEAST) if x.is_zero() else x for x in operands]
-        if len(operands) == 1:
-            return kept(ca.SX.unary(read.code, operands[0]))
-        return kept(ca.SX.binary(read.code, operands[0], operands[1]))
+        one = len(operands) == 1
+        made_of = ca.SX.unary(read.code, *operands) if one else ca.SX.binary(read.code, *operands)
+        return kept(made_of)
 
     (entries,) = run(program, lambda _, k: kept(symbols[k]), lambda x: kept(ca.SX(x)), operation)
     return ca.reshape(ca.vertcat(*entries), value.shape)

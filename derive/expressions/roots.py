@@ -44,7 +44,7 @@ def with_finite_slopes(value: ca.SX) -> ca.SX:
         return kept(made_of)
 
     (entries,) = run(program, lambda _, k: kept(symbols[k]), lambda x: kept(ca.SX(x)), operation)
-    return ca.reshape(ca.vertcat(*entries), value.shape)
+    return ca.reshape(ca.vertcat(*entries), value.size1(), value.size2())
 
 
 def _program(value: ca.SX) -> Listing:

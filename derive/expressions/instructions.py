@@ -16,7 +16,7 @@ import casadi as ca
 Value = TypeVar("Value")
 
 
-class Instruction(NamedTuple):  # there are many: a frozen dataclass takes three times as long
+class Instruction(NamedTuple):  # there are many: a frozen dataclass takes twice as long
     """`code` is CasADi's operation, `operands` are the numbers of the instructions it works on.
 
     An input (OP_INPUT) has its place in `entry`: the argument and the nonzero of it; a constant

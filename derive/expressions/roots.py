@@ -14,7 +14,7 @@ from derive.expressions.instructions import Instruction, Listing, listing, run
 
 LEAST = 1e-60  # in SI units, as of numbers in a model: its root and the root's slopes are finite
 ROOTS = (ca.OP_SQRT, ca.OP_POW, ca.OP_CONSTPOW)
-# of these, what is zero stays zero and passes on a zero of an operand
+# zero where an operand is; of a quotient, where its first one is
 PASSING = (ca.OP_MUL, ca.OP_DIV, ca.OP_SQ, ca.OP_NEG, ca.OP_TWICE, ca.OP_FMIN, ca.OP_FMAX)
 
 
@@ -23,14 +23,21 @@ def has_bounded_roots(value: ca.SX) -> bool:
     return any(_bounds(_program(value)))
 
 
+def finite_jacobian(value: ca.SX, by: ca.SX) -> ca.SX:
+    """∂value/∂by, n × m, with slopes that are numbers."""
+    slopes = ca.jacobian(value, by)
+    return with_finite_slopes(slopes) if has_bounded_roots(value) else slopes
+
+
 def with_finite_slopes(value: ca.SX) -> ca.SX:
-    """The same derivative with LEAST in the place of zero where a root is taken of max(…, 0)."""
+    """The same derivative, r × c, with LEAST in the place of zero where a root is taken of
+    max(…, 0)."""
     program = _program(value)
     bounds = set(_bounds(program))
     if not bounds:
         return value
     symbols = ca.vertcat(*ca.symvar(value))
-    made: list[ca.SX] = []
+    made: list[ca.SX] = []  # by the number of the instruction, for these are run in order
 
     def kept(x: ca.SX) -> ca.SX:
         made.append(x)
@@ -62,7 +69,7 @@ def _bounds(program: Listing) -> Iterator[int]:
         if k in seen or read[k].code not in PASSING:
             continue
         seen.add(k)
-        left += read[k].operands
+        left += read[k].operands[: 1 if read[k].code == ca.OP_DIV else None]
         zeros = [i for i in read[k].operands if read[i].code == ca.OP_CONST and not read[i].number]
         if read[k].code == ca.OP_FMAX and zeros:
             yield k

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import casadi as ca
 
@@ -87,10 +87,11 @@ def derivatives(
         Request("step", STEP, needs=("dynamics", *IMPLICIT)),
         Request("step_sensitivity", SENSITIVITY, needs=("dynamics", *IMPLICIT, *_slopes(slots))),
     )
-    return tuple(_finite(request, dynamics) for request in requests)
+    rooted = cache(lambda: dynamics.result.written and has_bounded_roots(dynamics.result.value))
+    return tuple(_finite(request, rooted) for request in requests)
 
 
-def _finite(request: Request, dynamics: Function) -> Request:
+def _finite(request: Request, rooted: Callable[[], bool]) -> Request:
     """With slopes that are numbers, where `dynamics` takes roots of max(…, 0)."""
     make = request.make
     if make is None:
@@ -98,7 +99,7 @@ def _finite(request: Request, dynamics: Function) -> Request:
 
     def made() -> Function:
         function = make()
-        if not (dynamics.result.written and has_bounded_roots(dynamics.result.value)):
+        if not rooted():
             return function
         value = with_finite_slopes(function.result.value)
         return replace(function, result=replace(function.result, value=value))

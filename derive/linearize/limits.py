@@ -7,9 +7,8 @@ CRITICAL_NEAR = 12  # bisections before eigenvalues are told apart by nearness
 CRITICAL_STEPS = 100  # of a bisection, at most: a double has 53 bits
 
 # cyclic
-LEAST_SCALE = (
-    1e-3  # of a derivative, in the model's own units, where it is small at all sampled states
-)
+# of a derivative, in the model's own units, where it is small at all sampled states
+LEAST_SCALE = 1e-3
 CYCLIC_SAMPLES = 5  # random states at which a derivative has to vanish
 NOTHING = 1e-8  # relative size of a derivative that counts as zero at random states
 

@@ -17,7 +17,7 @@ import numpy as np
 from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
 from derive.expressions.columns import columns_of
-from derive.expressions.roots import with_finite_slopes
+from derive.expressions.roots import finite_jacobian
 from derive.expressions.scalars import Vector
 from derive.formulations.records import Argument, Equations, Function, Request, Result
 from derive.linearize.limits import MANY, MINIMAL_NEAR, SPARED, WEAK
@@ -63,10 +63,10 @@ def linear(equations: Equations, q: np.ndarray, p: np.ndarray) -> Linear:
         independent=tuple(independent),
         dependent=tuple(j for j in dependent if j < nq),
         T=T,
-        A=ca.mtimes(with_finite_slopes(ca.jacobian(rates, x)), T),
-        B=with_finite_slopes(ca.jacobian(rates, u)),
-        C=ca.mtimes(with_finite_slopes(ca.jacobian(y, x)), T),
-        D=with_finite_slopes(ca.jacobian(y, u)),
+        A=ca.mtimes(finite_jacobian(rates, x), T),
+        B=finite_jacobian(rates, u),
+        C=ca.mtimes(finite_jacobian(y, x), T),
+        D=finite_jacobian(y, u),
         guards=guards if system.phi.numel() else (),
     )
 

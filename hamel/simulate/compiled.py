@@ -370,7 +370,7 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
     if not repeats:
         return error
     if np.array_equal(problem.p, system.own_parameters):
-        start, hint = "at the start", "another start: rows that repeat others elsewhere are dropped"
+        start, hint = "at the start", "another start: this one is a singular configuration"
     else:
         start = "at the start, with these parameters"
         hint = "another start, or these values in the file: what repeats is found and dropped there"

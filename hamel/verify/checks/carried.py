@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions.instructions import Listing, listing
+from hamel.verify.reference.vectors import Array
 
-Array = np.ndarray
 AT_ONCE = 2**24  # numbers that are held at once
 
 # operands → z, then ∂z/∂operand of each; the rest is differentiated by CasADi

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from hamel.verify.checks.carried import Array, Changes, carried
+from hamel.verify.checks.carried import Changes, carried
+from hamel.verify.reference.vectors import Array
 
 
 def tangents(

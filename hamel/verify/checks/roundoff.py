@@ -21,7 +21,8 @@ import casadi as ca
 import numpy as np
 
 from codegen.reals import FLOAT64, Real
-from hamel.verify.checks.carried import Array, Changes, carried
+from hamel.verify.checks.carried import Changes, carried
+from hamel.verify.reference.vectors import Array
 
 EPSILON = float(np.finfo(float).eps) / 2
 DRAWS = 8  # the largest of them is below an eighth of the standard deviation once in 10⁸ times

@@ -44,6 +44,7 @@ DERIVED = (
         (lambda x: ca.sqrt(ca.fmax(x, 1)), False),
         (lambda x: ca.sqrt(1 + ca.fmax(x, 0)), False),
         (lambda x: ca.sqrt(x) * ca.fmax(x, 0), False),
+        (lambda x: ca.sqrt(x / ca.fmax(x, 0)), False),
     ],
 )
 def test_slopes_are_finite_below_zero_and_the_same_above(root, is_one):

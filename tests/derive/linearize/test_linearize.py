@@ -30,6 +30,7 @@ from derive.states import system
 from derive.states.initial import initial_state
 from derive.textbook import printed
 from hamel.cli import main
+from hamel.verbs.linearize import _complex as linearized_text
 from tests.scenes import MODELS
 from tests.texts import FLAT
 
@@ -601,3 +602,16 @@ def test_the_page_of_a_bicycle_gives_its_verdict_in_one_line(tmp_path):
     titles = {how: re.findall(rf"<table{how}><thead><tr><th>(.*?)</th>", page) for how in TABLES}
     assert "what happens" in titles[' class="stacked"'], "rows as lines on a phone"
     assert "constant" in titles[""], "a narrow one stays a table"
+
+
+@pytest.mark.parametrize(
+    ("pair", "text"),
+    [
+        ((-2.0, 24.5), "-2+24.5i"),
+        ((2.8e-17, -6.27279), "-6.27279i"),
+        ((-5.5, 1e-14), "-5.5"),
+        ((0.0, 0.0), "0"),
+    ],
+)
+def test_what_rounding_leaves_of_a_part_is_not_shown(pair, text):
+    assert linearized_text(pair) == text

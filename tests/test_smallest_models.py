@@ -132,3 +132,12 @@ def test_directions_that_are_based_anew_are_verified_and_linearised(tmp_path):
     path = written(tmp_path, SLED)
     assert hamel.verify(path, choice="orthonormal", states=3).passed
     assert hamel.linearize(path, choice="orthonormal").A
+
+
+@pytest.mark.parametrize("choice", [None, "orthonormal", "mass_orthogonal"])
+def test_every_function_of_a_free_coordinate_is_built_and_verified(choice, tmp_path):
+    """All of its acceleration is zero by structure."""
+    path = written(tmp_path, COORDINATE)
+    names = [item.name for item in hamel.list(path).kinds["functions on request"]]
+    assert {"jacobian", "derivatives", "jacobian_forward", "step_sensitivity"} <= set(names)
+    hamel.build(path, choice=choice, functions=("default", *names), out=str(tmp_path / "m"))

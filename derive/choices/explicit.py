@@ -84,7 +84,7 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     results = [ca.vertcat(qdot, x.wdot) for x in solution]
     counts = alternatives(results) if len(solution) > 1 else [instructions(results[0])]
     best = solution[counts.index(min(counts))]
-    vdot = ca.mtimes(reduction.S, best.wdot) + reduction.sigma
+    vdot = ca.densify(ca.mtimes(reduction.S, best.wdot) + reduction.sigma)
     # the recursion makes no M_w; where it is used S = 1 and M_w is M
     mass = system.M if best.mass is None else _sparse(best.mass)
     return Explicit(
@@ -121,7 +121,7 @@ def _deferred(system: System, reduction: Reduction) -> Explicit:
         operations=0,
         gathered="articulated bodies",
         wdot=late(lambda: found().wdot),
-        vdot=late(lambda: ca.mtimes(reduction.S, found().wdot) + reduction.sigma),
+        vdot=late(lambda: ca.densify(ca.mtimes(reduction.S, found().wdot) + reduction.sigma)),
         mass=system.M,
         force=late(lambda: _column(found().force)),
     )

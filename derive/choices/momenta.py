@@ -82,7 +82,7 @@ def _explicit(
         operations=count,
         gathered="momenta: no inverse in ẇ",
         wdot=wdot,
-        vdot=ca.mtimes(S, wdot) + sigma,
+        vdot=ca.densify(ca.mtimes(S, wdot) + sigma),
         mass=inverse,
         force=f_w,
     )

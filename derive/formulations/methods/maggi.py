@@ -110,7 +110,7 @@ def _projected(survey: Survey, reduction: Reduction) -> Explicit:
     n = len(reduction.names)
     wdot = column(ldl_solution(scalars(M_w), [entries(f_w)], list(reversed(range(n)))).x[0])
     qdot = ca.substitute(system.qdot, system.v, reduction.v)
-    vdot = ca.mtimes(S, wdot) + reduction.sigma
+    vdot = ca.densify(ca.mtimes(S, wdot) + reduction.sigma)
     count = operations(qdot, wdot)
     return Explicit(
         qdot=qdot,

@@ -61,6 +61,11 @@ def unknown_function(equations: Equations, name: str) -> HamelError:
             f"{model.name} has no function '{name}'",
             f"formulation {equations.formulation} chooses no quasi-velocities w",
         )
+    if name in {family.name for family in equations.families}:
+        return HamelError(
+            f"'{name}' is a function of a frame, and none is named",
+            f"give {name}_FRAME, with one of the frames {listed(frames)}",
+        )
     misspelt = _misspelt_frames(name, prefixes, frames)
     best = nearest(name, (*misspelt, *_of_frames(equations, name, frames)))
     if best in misspelt:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from derive.diagnostics import listed
 from derive.robots.markup import Element
 from derive.robots.numbers import scalar, written
 from derive.robots.robot import ONE_RATE, Joint, Reading, Robot, counted, quoted
@@ -21,8 +22,12 @@ def read_transmissions(
 ) -> None:
     """Ratios beside the joints, armatures of the rotors, and what was read in one sentence."""
     ratios = rotors = 0
+    unread: dict[str, list[str]] = {}
     for element in root.all("transmission"):
-        for joint, actuator in _driven(element, joints, result):
+        driven, why = _driven(element, joints)
+        if why:
+            unread.setdefault(why, []).append(quoted(element.get("name")))
+        for joint, actuator in driven:
             ratio = _ratio(reading, actuator)
             if ratio != 1.0:
                 ratios += 1
@@ -34,6 +39,9 @@ def read_transmissions(
             elif inertia:
                 rotors += 1
                 joint.armature += inertia * ratio**2
+    for why, names in unread.items():
+        what = "transmission" if len(names) == 1 else "transmissions"
+        result.assumed.append(f"not read: the {what} {listed(names, 4)}: {why}")
     if ratios:
         result.changed.append(
             f"inputs are forces and torques at the joints; {counted(ratios, 'gear ratio')} of "
@@ -45,24 +53,19 @@ def read_transmissions(
 
 
 def _driven(
-    element: Element, joints: Mapping[str, Joint], result: Robot
-) -> list[tuple[Joint, Element]]:
-    """The joint and the actuator of a simple transmission; others are said to be left out."""
-    driven, actuators = element.all("joint"), element.all("actuator")
-    name = quoted(element.get("name"))
-    known = [joints[joint.get("name")] for joint in driven if joint.get("name") in joints]
-    if len(known) == len(driven) == len(actuators) == 1 and known[0].type in ONE_RATE:
-        return [(known[0], actuators[0])]
-    if len(known) < len(driven):
-        result.assumed.append(f"not read: the transmission {name} names no joint of the robot")
-    elif len(driven) > 1:
-        result.assumed.append(
-            f"not read: the transmission {name} of {len(driven)} joints; inputs are forces and "
-            "torques at the joints"
-        )
-    else:
-        result.assumed.append(f"not read: the transmission {name}")
-    return []
+    element: Element, joints: Mapping[str, Joint]
+) -> tuple[list[tuple[Joint, Element]], str]:
+    """The joint and the actuator of a simple transmission; of another, why it is left out."""
+    named, actuators = element.all("joint"), element.all("actuator")
+    known = [joints[joint.get("name")] for joint in named if joint.get("name") in joints]
+    if len(known) < len(named):
+        return [], "joints that the robot does not have"
+    if len(named) > 1:
+        return [], f"{len(named)} joints in one; inputs are forces and torques at the joints"
+    if len(known) == len(actuators) == 1 and known[0].type in ONE_RATE:
+        return [(known[0], actuators[0])], ""
+    moves = not known or known[0].type in ONE_RATE
+    return [], "not one joint and one actuator" if moves else f"a {known[0].type} joint"
 
 
 def _ratio(reading: Reading, actuator: Element) -> float:

@@ -53,6 +53,8 @@ PLANES = (
     (0.0, 0.0, 1.0),
 )  # normals that a planar joint can have as they are
 READ = {"link", "joint", "material", "transmission"}
+WORLD = "world"  # a parent that no file has to declare
+SWAPPED = "lower and upper are the other way round in the file"
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
@@ -176,6 +178,17 @@ def _collect(reading: Reading, root: Element, tree: Tree) -> None:
             table.setdefault(name, element)
     if not tree.links:
         root.refuse("the robot has no links", '<link name="…">')
+    _world(tree)
+
+
+def _world(tree: Tree) -> None:
+    """The link `world` where joints start from it and nothing declares it, as Drake and Gazebo take
+    it."""
+    parents = [joint.first("parent") for joint in tree.joints.values()]
+    found = [parent for parent in parents if parent is not None and parent.get("link") == WORLD]
+    if found and WORLD not in tree.links:
+        place = found[0]
+        tree.links[WORLD] = Element("link", {"name": WORLD}, place.file, place.at)
 
 
 def _end(reading: Reading, tree: Tree, joint: Element, tag: str) -> str:
@@ -346,7 +359,10 @@ def _limits(reading: Reading, element: Element, joint: Joint) -> None:
     if limit is None:
         return
     if element.get("type") != "continuous" and {"lower", "upper"} & limit.attributes.keys():
-        joint.limits = (scalar(reading, limit, "lower"), scalar(reading, limit, "upper"))
+        ends = scalar(reading, limit, "lower"), scalar(reading, limit, "upper")
+        joint.limits = (min(ends), max(ends))
+        if ends[0] > ends[1]:  # robots that were mirrored by hand have such
+            joint.notes.append(SWAPPED)
     unit_of, force = ("rad", "N*m") if joint.type == "revolute" else ("m", "N")
     said = [
         f"{written(scalar(reading, limit, attribute))} {suffix}"
@@ -474,6 +490,9 @@ def _notes(reading: Reading, root: Element, result: Robot) -> None:
     if ignored:
         tags = ", ".join(f"<{tag}>" for tag in ignored)
         result.assumed.append(f"not read: {tags}")
+    swapped = [joint.name for joint in result.joints if SWAPPED in joint.notes]
+    if swapped:
+        result.assumed.append(f"lower and upper limits are the other way round: {listed(swapped)}")
     if any(joint.first("limit") for joint in root.all("joint")):
         result.assumed.append(
             "limits are there to read: nothing in the equations stops a joint at them"

@@ -177,6 +177,7 @@ def test_generalized_velocities_have_no_functions_over_w():
         ("poes_crank", "did you mean 'pose_crank'?"),
         ("mas_w", "did you mean 'mass_w'?"),
         ("something_else", "pose_FRAME"),
+        ("pose", "give pose_FRAME, with one of the frames ground, crank"),
     ],
 )
 def test_an_unknown_function_is_told_the_nearest_one(name, words):

@@ -286,8 +286,8 @@ def test_transmissions_give_ratios_and_rotors(tmp_path):
 @pytest.mark.parametrize(
     ("transmission", "said"),
     [
-        (TRANSMISSION.format("t", "nobody", 2, ""), "'t' names no joint of the robot"),
-        ('<transmission name="d"><joint name="a"/><joint name="b"/></transmission>', "of 2 joints"),
+        (TRANSMISSION.format("t", "nobody", 2, ""), "'t': joints that the robot does not have"),
+        ('<transmission name="d"><joint name="a"/><joint name="b"/></transmission>', "2 joints in one"),
         ('<transmission name="e"><joint name="a"/></transmission>', "the transmission 'e'"),
     ],
 )
@@ -338,3 +338,26 @@ def test_barycentric_parameters_are_those_that_forces_are_linear_in(tmp_path):
 def test_only_inertial_parameters_are_known(tmp_path):
     with pytest.raises(ModelError, match="unknown parameters 'mass'"):
         imported(hamel.RobotFile(two_links(tmp_path), parameters="mass"))
+
+
+def test_a_link_world_that_nothing_declares_is_the_ground(tmp_path):
+    declared = two_links(tmp_path)
+    text = declared.read_text()
+    implied = tmp_path / "implied.urdf"
+    implied.write_text(text.replace('<link name="base"/>', "").replace('"base"', '"world"'))
+    found = imported(implied)
+    assert "parent: world, child: upper" in found.text
+    assert np.allclose(mass(found.text), mass(imported(declared).text), atol=1e-15)
+    # any other name that nothing declares is a mistake
+    implied.write_text(text.replace('<link name="base"/>', ""))
+    with pytest.raises(ModelError, match="unknown link 'base'"):
+        imported(implied)
+
+
+def test_limits_that_are_the_other_way_round_are_turned_and_said(tmp_path):
+    file = two_links(tmp_path)
+    limit = '<limit lower="2.775" upper="-1.5" effort="1" velocity="1"/>'
+    file.write_text(file.read_text().replace('<dynamics friction="2"/>', limit))
+    found = imported(file)
+    assert "limits: [-1.5, 2.775]" in found.text
+    assert any("the other way round: a" in note for note in found.assumed)

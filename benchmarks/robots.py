@@ -378,8 +378,12 @@ class Mujoco:
         self.model.actuator_forcelimited[:] = self.model.jnt_actfrclimited[:] = 0
         self.model.opt.density = self.model.opt.viscosity = 0.0
         self.data = mujoco.MjData(self.model)
-        names = [self.model.joint(i).name for i in range(self.model.njnt)]
-        self.joints = [(self.model.joint(i), found.joints[name]) for i, name in enumerate(names)]
+        theirs = [self.model.joint(i) for i in range(self.model.njnt)]
+        ours = [joint.name for joint in found.model.joints if joint.type != "fixed"]
+        named = all(joint.name for joint in theirs)  # else they stand in the order of the file
+        self.joints = [
+            (joint, found.joints[joint.name] if named else own) for joint, own in zip(theirs, ours)
+        ]
         self.model_of_ours = found.model
         self.width = np.ones(self.model.nv)
         widths = friction_widths(found.model)

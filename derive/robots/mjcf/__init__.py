@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from derive.diagnostics import did_you_mean
+from derive.diagnostics import did_you_mean, listed
 from derive.robots.markup import Budget, Element
 from derive.robots.mjcf.actuators import actuators, tendons
 from derive.robots.mjcf.bodies import Scene, walk
+from derive.robots.mjcf.reference import springs_by_time
+from derive.robots.mjcf.replicas import replicate
 from derive.robots.mjcf.settings import included, settings
 from derive.robots.mjcf.sites import sites
 from derive.robots.mjcf.ties import equalities
@@ -28,6 +30,7 @@ def robot(
     reading = Reading()
     _check_sections(reading, root)
     outcome = settings(reading, root)
+    replicate(reading, root, outcome, budget)
     reading.finish()
     result = Robot(root.get("model") or name, "MJCF", root, outcome.gravity)
     result.names, result.body_names = reading.symbols, reading.bodies
@@ -36,6 +39,7 @@ def robot(
         walk(reading, world, scene, floating)
     if not result.bodies and not reading.problems:
         root.refuse("the file has no bodies", "<body> inside <worldbody>")
+    springs_by_time(reading, scene)
     known = tendons(reading, root, scene)
     if not _is_off("equality", "equality", root, scene):
         equalities(reading, root, known, scene)
@@ -78,6 +82,11 @@ def _notes(reading: Reading, root: Element, scene: Scene) -> None:
     result = scene.robot
     if scene.geoms:
         result.left_out.append(f"contacts between {counted(scene.geoms, 'geom')}")
+    if scene.unaligned:
+        names = listed(scene.unaligned)
+        result.changed.append(
+            f"coordinates of {names} are those of the body's own frame, not its inertia's (align)"
+        )
     massless = sum(1 for body in result.bodies if not body.mass)
     if massless:
         result.changed.append(

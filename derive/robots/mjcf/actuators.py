@@ -10,12 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from derive.robots.markup import Element
 from derive.robots.mjcf.bodies import Scene
+from derive.robots.mjcf.reference import felt_inertia
 from derive.robots.mjcf.settings import ACTUATORS, completed
 from derive.robots.numbers import listing, scalar, written
-from derive.robots.robot import ONE_RATE, Entry, Joint, Reading, quoted
+from derive.robots.robot import ONE_RATE, Entry, Joint, Reading, counted, quoted
 from derive.robots.rotations import rotated
 
 Transmission = list[tuple[Joint, float]]
@@ -37,11 +39,12 @@ class Activation:
 @dataclass(frozen=True)
 class Law:
     """force = (g₀ + g₁ ℓ + g₂ dℓ/dt) u + b₀ + b₁ ℓ + b₂ dℓ/dt, with the activation for u where
-    there is one."""
+    there is one. `ratio`: b₂ as a part of the critical damping, where it is not zero."""
 
     gain: Sequence[float]
     bias: Sequence[float]
     activation: Activation | None = None
+    ratio: float = 0.0
 
     @property
     def plain(self) -> bool:
@@ -131,18 +134,29 @@ def actuators(
 ) -> None:
     """Reads every <actuator> into inputs or forces of the robot. Ranges are left out and said so: a
     clamped force is not smooth."""
-    clamped = 0
+    clamped = early = late = off = 0
     for section in root.all("actuator"):
         for element in section.children:
             actuator = completed(reading, element, scene.settings)
+            if scalar(reading, actuator, "group") in scene.settings.idle_groups:
+                off += 1
+                continue
+            early += actuator.get("actearly") == "true"
+            late += scalar(reading, actuator, "delay") > 0.0
             law = _law(reading, actuator)
             if law is not None:
                 _transmitted(reading, actuator, law, known, scene)
             clamped += any(name in actuator.attributes for name in CLAMPS)
+    of = partial(counted, one="actuator")
+    if off:
+        scene.robot.changed.append(f"{of(off)} of groups that are switched off: not read")
+    if early:
+        scene.robot.left_out.append(f"actearly, a step's advance of the force, of {of(early)}")
+    if late:
+        scene.robot.left_out.append(f"the delay of {of(late)}")
     if clamped:
         scene.robot.left_out.append(
-            f"the ranges of {clamped} actuator{'s' * (clamped != 1)}: inputs and forces are not "
-            "clamped"
+            f"the ranges of {of(clamped)}: inputs and forces are not clamped"
         )
 
 
@@ -153,23 +167,21 @@ def _law(reading: Reading, actuator: Element) -> Law | None:
         known = ", ".join(one for one in ACTUATORS if one not in OWN)
         reading.report(actuator, f"a <{kind}> actuator, which has a law of its own", known)
         return None
-    if "dampratio" in actuator.attributes and scalar(reading, actuator, "dampratio"):
-        reading.report(
-            actuator,
-            "damping as a ratio of the critical one",
-            "kv in numbers",
-            attribute="dampratio",
-        )
     if kind in ("general", "cylinder"):
         return _general(reading, actuator) if kind == "general" else _cylinder(reading, actuator)
     kp = scalar(reading, actuator, "kp", 1.0)
     kv = scalar(reading, actuator, "kv", 1.0 if kind in ("velocity", "damper") else 0.0)
-    lag = scalar(reading, actuator, "timeconst")
+    lag, ratio = scalar(reading, actuator, "timeconst"), scalar(reading, actuator, "dampratio")
+    if ratio < 0.0:
+        reading.report(
+            actuator, "a damping ratio below zero", "zero or more", attribute="dampratio"
+        )
+    filtered = Activation(lag) if lag > 0.0 else None
     laws = {
         "motor": Law((1.0,), ()),
-        "position": Law((kp,), (0.0, -kp, -kv), Activation(lag) if lag > 0.0 else None),
+        "position": Law((kp,), (0.0, -kp, -kv), filtered, ratio),
         "velocity": Law((kv,), (0.0, 0.0, -kv)),
-        "intvelocity": Law((kp,), (0.0, -kp, -kv), Activation(None)),
+        "intvelocity": Law((kp,), (0.0, -kp, -kv), Activation(None), ratio),
         "damper": Law((0.0, 0.0, -kv), ()),
     }
     return laws[kind]
@@ -212,6 +224,8 @@ def _general(reading: Reading, actuator: Element) -> Law | None:
     bias = (listing(reading, actuator, "biasprm") or [0.0])[:3]
     affine = actuator.get("biastype", "none") == "affine"
     law = Law(gain if actuator.get("gaintype") == "affine" else gain[:1], bias if affine else ())
+    if affine and len(bias) > 2 and bias[2] > 0.0 and gain[0] == -bias[1]:  # of a position servo
+        law = replace(law, bias=bias[:2], ratio=bias[2])
     dynamics = actuator.get("dyntype", "none")
     if dynamics in ("none", "integrator"):
         return replace(law, activation=Activation(None)) if dynamics == "integrator" else law
@@ -299,6 +313,7 @@ def _along(
             "hinges and slides",
         )
         return
+    law = _damped(reading, actuator, law, along, scene)
     first = along[0][0].name
     if law.plain and not law.activation and len(along) == 1:
         factor = along[0][1] * law.gain[0]
@@ -311,6 +326,19 @@ def _along(
     else:
         name = _driver(reading, actuator, law, first, scene)
         _by_formula(reading, actuator, name, law, along, name, scene)
+
+
+def _damped(
+    reading: Reading, actuator: Element, law: Law, along: Transmission, scene: Scene
+) -> Law:
+    """With the damping of a ratio ζ in numbers, as MuJoCo 4 has it: 2 ζ √(kp m), with the inertia m
+    that the force accelerates at the reference configuration."""
+    if not law.ratio:
+        return law
+    kp = -law.bias[1]
+    felt = felt_inertia(reading, actuator, along, scene)
+    damping = 2.0 * law.ratio * math.sqrt(max(kp * felt, 0.0))
+    return replace(law, bias=(law.bias[0], law.bias[1], -damping), ratio=0.0)
 
 
 def _driver(reading: Reading, actuator: Element, law: Law, target: str, scene: Scene) -> str:

@@ -11,6 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from derive.robots.markup import Element
 from derive.robots.mjcf.inertia import Frame, Piece, explicit, fill, of_geom, together
 from derive.robots.mjcf.settings import Settings, completed, orientation
@@ -31,6 +34,14 @@ TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "fre
 HARMLESS = ("geom", "site", "camera", "light", "joint", "freejoint", "inertial", "body", "frame")
 
 
+@dataclass(frozen=True)
+class Inverse:
+    """M⁻¹ at the reference configuration, and where the rates of each joint start in it."""
+
+    matrix: NDArray[np.float64]
+    starts: dict[str, int]
+
+
 @dataclass
 class Scene:
     """What the rest of the file refers to by name; poses in the ground frame at the reference
@@ -44,6 +55,8 @@ class Scene:
     references: dict[str, float] = field(default_factory=dict[str, float])
     sites: dict[str, tuple[str, Frame]] = field(default_factory=dict[str, tuple[str, Frame]])
     site_elements: dict[str, Element] = field(default_factory=dict[str, Element])
+    unaligned: list[str] = field(default_factory=list[str])
+    inverse: Inverse | None = None  # where something asked for it
     geoms: int = 0
 
 
@@ -266,6 +279,9 @@ def _joint(
                 element, "a free joint on a body inside another", "a body of <worldbody>"
             )
         _start(joint, pose, scene)
+        aligned = element.get("align", "auto")
+        if aligned == "true" or (aligned == "auto" and scene.settings.aligned):
+            scene.unaligned.append(joint.name)
     else:
         _place(reading, element, frame, pose, joint, scene)
     _forces(reading, element, joint, scene)
@@ -317,11 +333,6 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
         scalar(reading, element, name)
         for name in ("stiffness", "damping", "frictionloss", "armature")
     )
-    if any(listing(reading, element, "springdamper", 2) or ()):
-        problem = "a spring and damper by time constant and damping ratio"
-        reading.report(
-            element, problem, "stiffness and damping in numbers", attribute="springdamper"
-        )
     off = scene.settings.off
     stiffness, damping = stiffness * ("spring" not in off), damping * ("damper" not in off)
     loss *= "frictionloss" not in off
@@ -344,6 +355,9 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
             name = reading.symbols(f"{kind}_{rate.replace('.', '_')}", "load")
             text = f"{{type: {kind}, velocity: {rate}, {key}: {written(value)}}}"
             scene.robot.loads.append(Entry(name, text, element))
+    if armature and joint.type == "free":
+        said = f"the armature of {joint.name} is felt along the body's axes, not the ground's"
+        scene.robot.assumed.append(said)
     if loss:
         scene.robot.left_out.append(f"the frictionloss of the {joint.type} joint {joint.name}")
 

@@ -41,7 +41,9 @@ ACTUATORS = (
 @dataclass
 class Settings:
     """`classes`: class → kind of element → attributes, with what the class inherits. `off`: flags
-    that are disabled. `total_mass`: what all bodies are scaled to, where it is more than zero."""
+    that are disabled. `total_mass`: what all bodies are scaled to, where it is more than zero.
+    `idle_groups`: of actuators without force. `aligned`: free bodies move with their inertia's
+    frame where they say nothing."""
 
     degrees: bool = True
     sequence: str = "xyz"
@@ -52,6 +54,8 @@ class Settings:
     total_mass: float = 0.0
     gravity: Vector = (0.0, 0.0, -9.81)
     off: frozenset[str] = frozenset()
+    idle_groups: tuple[float, ...] = ()
+    aligned: bool = False
     classes: dict[str, dict[str, dict[str, str]]] = field(default_factory=lambda: {"main": {}})
 
     def angle(self, value: float) -> float:
@@ -170,12 +174,14 @@ def _compiler(reading: Reading, compiler: Element, found: Settings) -> None:
     found.inertia_from_geoms = compiler.get("inertiafromgeom", found.inertia_from_geoms)
     found.least_mass = scalar(reading, compiler, "boundmass", found.least_mass)
     found.least_inertia = scalar(reading, compiler, "boundinertia", found.least_inertia)
+    found.aligned = compiler.get("alignfree", "true" if found.aligned else "false") == "true"
     low, high = listing(reading, compiler, "inertiagrouprange", 2) or found.groups
     found.groups = (low, high)
 
 
 def _option(reading: Reading, option: Element, found: Settings) -> None:
     found.gravity = vector(reading, option, "gravity", found.gravity)
+    found.idle_groups = tuple(listing(reading, option, "actuatorgroupdisable") or found.idle_groups)
     for flag in option.all("flag"):
         found.off |= {name for name, state in flag.attributes.items() if state == "disable"}
     if "gravity" in found.off:

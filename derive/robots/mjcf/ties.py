@@ -8,9 +8,9 @@ from derive.robots.mjcf.actuators import Transmission
 from derive.robots.mjcf.bodies import Scene
 from derive.robots.mjcf.inertia import Frame
 from derive.robots.mjcf.settings import completed
-from derive.robots.numbers import listing, vector, written
+from derive.robots.numbers import listing, scalar, vector, written
 from derive.robots.robot import GROUND, ONE_RATE, Closure, Entry, Joint, Reading, quoted
-from derive.robots.rotations import from_quaternion, minus, product, rotated, transposed
+from derive.robots.rotations import Vector, from_quaternion, minus, product, rotated, transposed
 
 
 def equalities(
@@ -100,10 +100,7 @@ def _weld(reading: Reading, tie: Element, scene: Scene) -> None:
         if sites := _sites(reading, tie, scene):
             (first, a), (second, b) = sites
             turn = product(a.turn, transposed(b.turn))
-            closure = Closure(
-                _name(reading, tie), "fixed", (first, second), (a.at, b.at), tie, turn
-            )
-            scene.robot.closures.append(closure)
+            _hold(reading, tie, (first, second), Frame(a.at, turn), b.at, scene)
         return
     pair = _bodies(reading, tie, scene)
     if pair is None:
@@ -114,9 +111,25 @@ def _weld(reading: Reading, tie: Element, scene: Scene) -> None:
         turn = from_quaternion(pose[3:])
         assert turn is not None
         relative = Frame((pose[0], pose[1], pose[2]), turn)
-    closure = Closure(
-        _name(reading, tie), "fixed", pair, (relative.at, (0.0, 0.0, 0.0)), tie, relative.turn
-    )
+    anchor = vector(reading, tie, "anchor")
+    there = Frame(relative.then(anchor, relative.turn).at, relative.turn)
+    _hold(reading, tie, pair, there, anchor, scene)
+
+
+def _hold(
+    reading: Reading,
+    tie: Element,
+    pair: tuple[str, str],
+    there: Frame,
+    anchor: Vector,
+    scene: Scene,
+) -> None:
+    """The second body's frame at its anchor on one of the first; the point alone where the file
+    gives torques no weight."""
+    name, ends = _name(reading, tie), (there.at, anchor)
+    closure = Closure(name, "fixed", pair, ends, tie, there.turn)
+    if scalar(reading, tie, "torquescale", 1.0) == 0.0:
+        closure = Closure(name, "ball", pair, ends, tie)
     scene.robot.closures.append(closure)
 
 

@@ -965,10 +965,6 @@ BAD = {
         ONE_BODY.format('<geom size="1"/>', '<tendon><spatial name="t" stiffness="3"/></tendon>'),
         ["a <spatial> tendon with stiffness"],
     ),
-    "a spring by its time constant": (
-        '<mujoco><worldbody><body><joint springdamper="0.1 1"/><geom size="1"/></body></worldbody></mujoco>',
-        ["a spring and damper by time constant", "stiffness and damping in numbers"],
-    ),
     "a muscle": (
         ONE_BODY.format('<geom size="1"/>', '<actuator><muscle joint="j"/></actuator>'),
         ["a <muscle> actuator", "which has a law of its own"],

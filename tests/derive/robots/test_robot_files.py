@@ -287,7 +287,10 @@ def test_transmissions_give_ratios_and_rotors(tmp_path):
     ("transmission", "said"),
     [
         (TRANSMISSION.format("t", "nobody", 2, ""), "'t': joints that the robot does not have"),
-        ('<transmission name="d"><joint name="a"/><joint name="b"/></transmission>', "2 joints in one"),
+        (
+            '<transmission name="d"><joint name="a"/><joint name="b"/></transmission>',
+            "2 joints in one",
+        ),
         ('<transmission name="e"><joint name="a"/></transmission>', "the transmission 'e'"),
     ],
 )

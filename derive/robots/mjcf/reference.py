@@ -1,0 +1,170 @@
+"""Inertia at the reference configuration, which ratios of critical damping refer to.
+
+The mass matrix there comes of composite bodies (Featherstone, Rigid Body Dynamics Algorithms, 2008,
+§6.2) in the ground frame: M_ij = Sᵢᵀ I_c Sⱼ, with twists S about the ground's origin, I_c of all
+that the further out of the two joints carries, and armatures on the diagonal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from derive.robots.markup import Element
+from derive.robots.mjcf.bodies import Inverse, Scene
+from derive.robots.numbers import listing, scalar
+from derive.robots.robot import GROUND, Joint, Reading
+
+Array = NDArray[np.float64]
+MOST_RATES = 3_000  # of which a mass matrix is inverted
+
+
+def felt_inertia(
+    reading: Reading, place: Element, along: Sequence[tuple[Joint, float]], scene: Scene
+) -> float:
+    """What a force along Σ cᵢ qᵢ of hinges and slides has to accelerate, 1/(c M⁻¹ cᵀ); 1 after
+    reporting that M has no inverse."""
+    inverse = _inverse(reading, place, scene)
+    if not inverse.starts:
+        return 1.0
+    places = [inverse.starts[joint.name] for joint, _ in along]
+    c = np.array([factor for _, factor in along])
+    return 1.0 / float(c @ inverse.matrix[np.ix_(places, places)] @ c)
+
+
+def springs_by_time(reading: Reading, scene: Scene) -> None:
+    """Stiffness and damping of every hinge and slide with a `springdamper` T, ζ: with m = 1/(M⁻¹)ᵢᵢ
+    they are m/(T ζ)² and 2 m/T, whatever else the joint says."""
+    for joint in scene.robot.joints:
+        given = listing(reading, joint.place, "springdamper", 2)
+        if not given or min(given) <= 0.0:
+            continue
+        if joint.type in ("revolute", "prismatic"):
+            _spring(reading, joint, (given[0], given[1]), scene)
+        else:
+            problem, attribute = f"a spring in a {joint.type} joint", "springdamper"
+            reading.report(joint.place, problem, "springs in hinges and slides", "", attribute)
+
+
+def _spring(reading: Reading, joint: Joint, given: tuple[float, float], scene: Scene) -> None:
+    (time, ratio), off = given, scene.settings.off
+    inertia = felt_inertia(reading, joint.place, [(joint, 1.0)], scene)
+    rest = scalar(reading, joint.place, "springref")
+    rest = scene.settings.angle(rest) if joint.type == "revolute" else rest
+    if "spring" not in off:
+        joint.spring = (inertia / (time * ratio) ** 2, rest)
+    if "damper" not in off:
+        joint.damper = 2.0 * inertia / time
+    joint.notes.append("spring and damper by the time constant and damping ratio of the file")
+
+
+def _inverse(reading: Reading, place: Element, scene: Scene) -> Inverse:
+    """M⁻¹, found once for each file; without entries after reporting that there is none."""
+    if scene.inverse is None:
+        try:
+            scene.inverse = _inverse_mass(reading, scene)
+        except np.linalg.LinAlgError:
+            problem = "damping by a ratio where the mass matrix is singular"
+            reading.report(place, problem, "joints that accelerate something")
+            scene.inverse = Inverse(np.zeros((0, 0)), {})
+    return scene.inverse
+
+
+def _inverse_mass(reading: Reading, scene: Scene) -> Inverse:
+    twists, composites = _twists(scene), _composites(scene)
+    ends = np.cumsum([len(S) for S in twists.values()]).tolist()
+    starts = {name: end - len(twists[name]) for name, end in zip(twists, ends)}
+    size = ends[-1]
+    if size > MOST_RATES:
+        problem = f"damping by a ratio in a model of {size} velocities"
+        scene.robot.root.refuse(problem, f"at most {MOST_RATES}, or damping in numbers")
+    M = np.zeros((size, size))
+    above = {joint.child: joint for joint in scene.robot.joints}
+    for joint in scene.robot.joints:
+        own = slice(starts[joint.name], starts[joint.name] + len(twists[joint.name]))
+        force = twists[joint.name] @ composites[joint.child]
+        carrier: Joint | None = joint
+        while carrier is not None:
+            S = twists[carrier.name]
+            there = slice(starts[carrier.name], starts[carrier.name] + len(S))
+            M[own, there] = force @ S.T
+            M[there, own] = M[own, there].T
+            carrier = above.get(carrier.parent)
+        M[own, own] += _armature(reading, joint) * np.eye(len(twists[joint.name]))
+    return Inverse(np.linalg.inv(M), starts)
+
+
+def _armature(reading: Reading, joint: Joint) -> float:
+    """What the file says, where the joint of the model has it as a load."""
+    return joint.armature or scalar(reading, joint.place, "armature")
+
+
+def _twists(scene: Scene) -> dict[str, Array]:
+    """Per joint its rates' twists (angular, linear) about the ground's origin, one a row."""
+    carried = {joint.parent: joint.child for joint in scene.robot.joints}
+    result: dict[str, Array] = {}
+    for joint in scene.robot.joints:
+        body = joint.child
+        while body not in scene.poses:  # between several joints of one body
+            body = carried[body]
+        pose = scene.poses[body]
+        turn = np.array(pose.turn)
+        point = np.array(pose.at) + turn @ np.array(joint.at_child)
+        result[joint.name] = _of_type(joint, turn, point)
+    return result
+
+
+def _of_type(joint: Joint, turn: Array, point: Array) -> Array:
+    if joint.type == "fixed":
+        return np.zeros((0, 6))
+    if joint.type == "prismatic":
+        return np.concatenate([np.zeros(3), turn @ np.array(joint.axis)])[None]
+    axes = np.array([turn @ np.array(joint.axis)]) if joint.axis else turn.T
+    turning = np.hstack([axes, -np.cross(axes, point)])
+    if joint.type != "free":
+        return turning
+    return np.vstack([np.hstack([np.zeros((3, 3)), np.eye(3)]), turning])
+
+
+def _composites(scene: Scene) -> dict[str, Array]:
+    """Of each body with all that it carries: spatial inertia about the ground's origin, 6 × 6."""
+    result = {body.name: np.zeros((6, 6)) for body in scene.robot.bodies}
+    for body in scene.robot.bodies:
+        if body.mass and body.name in scene.poses:
+            pose = scene.poses[body.name]
+            R, com = np.array(pose.turn), np.array(body.com)
+            tensor = R @ _full(body.inertia) @ R.T if body.inertia else np.zeros((3, 3))
+            result[body.name] += _spatial(body.mass, np.array(pose.at) + R @ com, tensor)
+    parents = {joint.child: joint.parent for joint in scene.robot.joints}
+    for name in reversed(_outwards(scene)):
+        if parents[name] != GROUND:
+            result[parents[name]] = result[parents[name]] + result[name]
+    return result
+
+
+def _outwards(scene: Scene) -> list[str]:
+    """Bodies, each behind the one that carries it."""
+    below: dict[str, list[str]] = {}
+    for joint in scene.robot.joints:
+        below.setdefault(joint.parent, []).append(joint.child)
+    order, waiting = list[str](), [GROUND]
+    while waiting:
+        name = waiting.pop()
+        order += [name] if name != GROUND else []
+        waiting += below.get(name, [])
+    return order
+
+
+def _full(tensor: Sequence[float]) -> Array:
+    xx, yy, zz, xy, xz, yz = tensor
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _spatial(mass: float, com: Array, tensor: Array) -> Array:
+    """[J, m c×; −m c×, m 1] with J about the origin."""
+    x, y, z = com
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    inertia = tensor - mass * skew @ skew
+    return np.block([[inertia, mass * skew], [-mass * skew, mass * np.eye(3)]])

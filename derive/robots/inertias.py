@@ -5,7 +5,8 @@ Robot files are full of sensors and dummy links with invented inertias. Refusing
 would help nobody: a body on a fixed joint moves with its carrier, and only the sum of their tensors
 (each about its own centre of mass, in one orientation) enters the equations. So such a tensor is
 counted with the body of the same piece that has the largest; mass and centre of mass stay where
-they are. What is impossible for a whole piece is left for the model language to refuse, or waived.
+they are. One of a piece that the ground holds is left away. What is impossible for a whole piece
+that moves is left for the model language to refuse, or waived.
 """
 
 from __future__ import annotations
@@ -41,6 +42,12 @@ def gather(robot: Robot) -> None:
     _drop_noise(robot)
     wrong = [body for body in robot.bodies if not possible(body.mass, body.inertia)]
     places = _places(robot) if wrong else {}
+    still = _on_ground(robot)
+    for body in wrong:
+        if places[body.name][0] in still:
+            body.notes.append("its inertia, which no body can have, is left away: it never moves")
+            body.inertia = ()
+    wrong = [body for body in wrong if body.inertia]
     moved = [body for body in wrong if _handed_over(body, robot, places)]
     if moved:
         text = "an inertia that no body can have; each is counted with a body that it is fixed to"
@@ -66,6 +73,13 @@ def _drop_noise(robot: Robot) -> None:
         robot.changed.append(
             f"{counted(len(noisy), 'inertia', 'inertias')} below {NOISE:g} kg*m^2 read as zero"
         )
+
+
+def _on_ground(robot: Robot) -> set[str]:
+    """First bodies of the pieces that the ground holds."""
+    return {
+        joint.child for joint in robot.joints if (joint.type, joint.parent) == ("fixed", GROUND)
+    }
 
 
 def _places(robot: Robot) -> dict[str, tuple[str, Matrix]]:

@@ -364,3 +364,16 @@ def test_limits_that_are_the_other_way_round_are_turned_and_said(tmp_path):
     found = imported(file)
     assert "limits: [-1.5, 2.775]" in found.text
     assert any("the other way round: a" in note for note in found.assumed)
+
+
+def test_an_impossible_inertia_on_the_ground_is_left_away(tmp_path):
+    """Nothing feels it; where the root link is free, it is refused like any other."""
+    file = two_links(tmp_path)
+    base = LINK.format("base", 1, 0, 0, 0.01)
+    plain = imported(file)
+    file.write_text(file.read_text().replace('<link name="base"/>', base))
+    found = imported(file)
+    assert np.array_equal(mass(found.text), mass(plain.text))
+    assert "left away: it never moves" in found.text
+    with pytest.raises(ModelError, match="no body has the inertia of 'base'"):
+        imported(hamel.RobotFile(file, floating=True))

@@ -91,8 +91,28 @@ def walk(reading: Reading, world: Element, scene: Scene, floating: bool) -> None
         body = waiting.pop()
         waiting += _body(reading, body, scene, floating and body.parent == GROUND)[::-1]
     _scale(scene)
+    _carried_armatures(reading, scene)
     for body in scene.robot.bodies:
         _gravity_compensation(reading, body.place, body, scene)
+
+
+def _carried_armatures(reading: Reading, scene: Scene) -> None:
+    """What the armature of a free joint is to its translation: a mass at the body's origin that has
+    no weight."""
+    for joint in [joint for joint in scene.robot.joints if joint.type == "free"]:
+        armature = scalar(reading, joint.place, "armature")
+        if armature <= 0.0:
+            continue
+        name = f"{joint.name}_armature"
+        body = Body(reading.bodies(name, "body"), joint.place, armature)
+        mount = Joint("", "fixed", joint.child, body.name, joint.place)
+        mount.name = reading.joint_name(f"{body.name}_mount", "fixed", [])
+        scene.robot.bodies.append(body)
+        scene.robot.joints.append(mount)
+        if any(scene.settings.gravity):
+            lift = ", ".join(written(x) for x in times(-armature, scene.settings.gravity))
+            text = f"{{type: force, body: {body.name}, components: [{lift}]}}"
+            scene.robot.loads.append(Entry(reading.symbols(name, "load"), text, joint.place))
 
 
 def _scale(scene: Scene) -> None:
@@ -349,15 +369,17 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
             "springs in hinges and slides",
             attribute="stiffness",
         )
-    kinds = (("damper", "coefficient", damping), ("armature", "inertia", armature))
-    for kind, key, value in kinds:
-        for rate in joint.rates() if value else ():
+    rates = joint.rates()
+    turning = rates[3:] if joint.type == "free" else rates  # for the rest see _carried_armatures
+    kinds = (
+        ("damper", "coefficient", damping, rates),
+        ("armature", "inertia", armature, turning),
+    )
+    for kind, key, value, along in kinds:
+        for rate in along if value else ():
             name = reading.symbols(f"{kind}_{rate.replace('.', '_')}", "load")
             text = f"{{type: {kind}, velocity: {rate}, {key}: {written(value)}}}"
             scene.robot.loads.append(Entry(name, text, element))
-    if armature and joint.type == "free":
-        said = f"the armature of {joint.name} is felt along the body's axes, not the ground's"
-        scene.robot.assumed.append(said)
     if loss:
         scene.robot.left_out.append(f"the frictionloss of the {joint.type} joint {joint.name}")
 

@@ -219,3 +219,17 @@ def test_what_is_not_read_of_actuators_and_free_joints_is_said(tmp_path):
         "coordinates of own are those of the body's own frame",
     ):
         assert words in found.text
+
+
+def test_the_armature_of_a_free_joint_is_felt_along_the_ground(tmp_path):
+    """In the ground frame a ball feels m + a and its weight alone, whatever its spin."""
+    text = """<mujoco><worldbody><body>
+      <joint name="base" type="free" armature="0.5"/><geom size="0.1" mass="2"/>
+    </body></worldbody></mujoco>"""
+    mechanics = evaluator(equations(system(read(tmp_path, text).model)))
+    q, v, w = np.array([0.0, 0, 0, 0.6, 0.8, 0, 0]), [0.3, -0.2, 0.7], [1.0, 2.0, 3.0]
+    rates = np.ravel(mechanics("dynamics", 0.0, np.array([*q, *v, *w]), np.zeros(0), np.zeros(0)))
+    turn = np.array([[1, 0, 0], [0, -0.28, -0.96], [0, 0.96, -0.28]])
+    fall = np.array([0.0, 0.0, -9.81 * 2.0 / 2.5])
+    assert np.allclose(rates[7:10], turn.T @ fall - np.cross(w, v), atol=1e-14)
+    assert np.allclose(rates[10:], 0.0, atol=1e-14)

@@ -33,3 +33,7 @@ MOST_ROUNDS = 4  # as long as a round of passes helps
 LONG_FUNCTION = 2_000  # from which one round has to do
 LONGEST_FUNCTION = 10_000  # from which only what comes of all passes is counted
 SHORT_FUNCTION = 1_000  # up to which operations are counted after every pass, not estimated
+
+# ---- texts
+
+MANY_RESULTS = 200  # from which each is stored at once, in a file of its own: no register holds it

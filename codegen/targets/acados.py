@@ -13,7 +13,7 @@ from typing import Any
 
 from codegen import text
 from codegen.program import Program
-from codegen.targets.records import WIDEST, Target, is_apart, unsteady
+from codegen.targets.records import HELPERS, WIDEST, Target, is_apart, unsteady
 
 FOLDER = "acados"
 NEEDS = ("derivatives", "dynamics_hessian")
@@ -27,6 +27,7 @@ def files(program: Program) -> dict[str, str]:
         "prefix": program.name,
         "PREFIX": program.name.upper(),
         "long": long,
+        "helpers": HELPERS,
         "nx": len(program.argument("x").names),
         "nu": len(program.argument("u").names),
         "np": len(program.argument("p").names),

@@ -38,7 +38,6 @@ from codegen.program import (
 )
 from codegen.targets.c_functions import (
     ALONE,
-    MANY,
     SIDE_BY_SIDE,
     Body,
     batch_body,
@@ -51,7 +50,7 @@ from codegen.targets.c_functions import (
     steps_of,
     value_text,
 )
-from codegen.targets.records import Target
+from codegen.targets.records import Target, is_apart
 from codegen.targets.turns import Step, angles_of, fresh, is_turn
 
 _CALL = re.compile(r"_sincos\((.*), &\w+, &\w+\);$")  # of a sine with its cosine in lanes
@@ -89,14 +88,14 @@ def files(program: Program) -> dict[str, str]:
     stepped = [
         _beside(program, kernel) for kernel in side_by_side(program) if not is_batched(kernel)
     ]
-    short = [body for body in bodies if len(body.pieces) == 1 and not _is_apart(body)]
+    short = [body for body in bodies if not is_apart(body.kernel)]
     widest = WIDEST // program.real.bits
     stack = stack_lanes(program)
     data |= {"previous": PREVIOUS, "base": BASE, "stack": stack, "far": stack < widest}
     long = {
         f"{program.name}_{body.kernel.name}.c": text.render("long.c.j2", bodies=[body], **data)
         for body in bodies
-        if _is_apart(body)
+        if is_apart(body.kernel) and not body.rolled
     }
     long |= {
         f"{program.name}_{body.kernel.name}.c": text.render("loops.c.j2", bodies=[body], **data)
@@ -140,11 +139,6 @@ def files(program: Program) -> dict[str, str]:
         ),
         **long,
     }
-
-
-def _is_apart(body: Body) -> bool:
-    """Whether it has a file of its own, which is compiled as long functions are."""
-    return len(body.pieces) > 1 or (len(body.pieces) == 1 and body.size >= MANY)
 
 
 # The functions of text.LANES that are made of another one: templates/lane_functions.c.j2.

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from codegen import text
+from codegen.limits import MANY_RESULTS
 from codegen.passes.lanes import (
     is_stepped,
 )
@@ -26,9 +27,6 @@ from codegen.targets.rolled import Text, c_text
 from codegen.targets.turns import Step, by_fours, by_lanes, is_turn
 
 FEW = 24  # values that are added up one by one to see that all are finite
-# results from which on each is stored as soon as it is known, as the parts of a long function do:
-# registers do not hold them to the end
-MANY = 200
 FOUR = 4  # neighbouring results that are set to zero at once
 MANY_ZEROS = 32  # one after the other, that are set to zero in a loop
 # statements up to which the parts of a function for several states side by side are joined again: a
@@ -154,7 +152,7 @@ def body_of(program: Program, kernel: Kernel, style: Style) -> Body:
     given = _given(kernel) if style is SIDE_BY_SIDE else None
     if given:
         _leave_out(parts.parts, given)
-    many = len(parts.parts) > 1 or kernel.size >= MANY
+    many = len(parts.parts) > 1 or kernel.size >= MANY_RESULTS
     lines = _near if many and style is ALONE else _far
     pieces = tuple(
         _piece(program, kernel, part, style, _far if part.repeat else lines) for part in parts.parts
@@ -185,7 +183,7 @@ def body_of(program: Program, kernel: Kernel, style: Style) -> Body:
 
 def _given(kernel: Kernel) -> Given | None:
     """Of functions that nothing but a batch calls."""
-    if kernel.size < MANY or is_stepped(kernel) or kernel.loop or kernel.solving:
+    if kernel.size < MANY_RESULTS or is_stepped(kernel) or kernel.loop or kernel.solving:
         return None
     last = kernel.size - FOUR
     places = [min(first, last) for first in range(0, kernel.size, FOUR)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
+from codegen.limits import MANY_RESULTS
 from codegen.passes.split import is_long
 from codegen.program import Kernel, Program
 
@@ -63,9 +64,13 @@ def unsteady(program: Program, taker: str) -> str:
     return ""
 
 
+# What the C of a function is written with, PREFIX_… in every file that needs it.
+HELPERS = ("turns", "far", "stray", "handed", "abreast", "zeros")
+
+
 def is_apart(kernel: Kernel) -> bool:
     """Whether a function has a file of its own."""
-    return kernel.rolled is not None or is_long(kernel)
+    return kernel.rolled is not None or is_long(kernel) or kernel.size >= MANY_RESULTS
 
 
 def plain_sources(program: Program) -> list[str]:

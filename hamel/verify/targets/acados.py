@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from codegen import compiler
-from derive.diagnostics import ToolchainError
+from derive.diagnostics import ToolchainError, VerificationError
 from hamel.verify.records import CheckResult
 from hamel.verify.reference.vectors import Array
 from hamel.verify.targets.records import Row, Subject, TargetCheck, result
@@ -132,8 +132,11 @@ def _library(subject: Subject, place: Path, command: list[str]) -> ctypes.CDLL:
     done = subprocess.run(asked, check=False, cwd=place, capture_output=True, text=True)
     if done.returncode:
         said = compiler.first_error(done.stderr)
-        raise ToolchainError(f"the C for acados does not compile: {said}")
-    return ctypes.CDLL(str(place / "call.so"))
+        raise VerificationError(f"the C for acados does not compile: {said}")
+    try:
+        return ctypes.CDLL(str(place / "call.so"))
+    except OSError as error:
+        raise VerificationError(f"the C for acados is not whole: {error}") from error
 
 
 def _blasfeo() -> Path:

@@ -15,11 +15,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import hamel
 from codegen import compiler
 from codegen.emit import emit
 from codegen.passes import in_precision, program
-from derive.diagnostics import AssumptionError, ToolchainError
+from derive.diagnostics import AssumptionError, ToolchainError, VerificationError
 from hamel.verify.targets import acados as checked
+from tests.scenes import MODELS
 from tests.subjects import subject
 from tests.toy import toy
 
@@ -34,6 +36,65 @@ def cart_pole(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
         return subject(base, "cart_pole", ["acados", "casadi"], ("dynamics",))
+
+
+@needs_compiler
+def test_code_that_does_not_compile_or_link_is_no_missing_tool(cart_pole, tmp_path):
+    folder = tmp_path / "cart_pole"
+    shutil.copytree(cart_pole.folder, folder)
+    source = folder / "acados" / "cart_pole_acados.c"
+    text = source.read_text("utf-8")
+    for wrong, said in ((text + "int;;(", "does not compile"), (absent(text), "is not whole")):
+        source.write_text(wrong)
+        with pytest.raises(VerificationError, match=said):
+            list(checked.check(replace(cart_pole, folder=folder)))
+
+
+def absent(text: str) -> str:
+    """Calling what is in no file."""
+    return text.replace("static int model(", "int nowhere(void);\nstatic int model(").replace(
+        "take(in[0], NX, x);", "take(in[0], nowhere(), x);"
+    )
+
+
+MASSES = """
+model: masses
+bodies: {{{bodies}}}
+joints: {{{joints}}}
+inputs: {{{inputs}}}
+"""
+
+
+@needs_compiler
+def test_functions_of_many_results_have_files_of_their_own(tmp_path, monkeypatch):
+    """Fifteen states and inputs: 225 second derivatives, which are a function of a file that the C
+    for acados, and the program to copy from, have to name."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    model = tmp_path / "masses.yaml"
+    model.write_text(
+        MASSES.format(
+            bodies=", ".join(f"b{k}: {{mass: 1}}" for k in range(5)),
+            joints=", ".join(
+                f"j{k}: {{type: prismatic, parent: ground, child: b{k}, axis: x, spring: {{stiffness: 3}}}}"
+                for k in range(5)
+            ),
+            inputs=", ".join(f"u{k}: {{joint: j{k}}}" for k in range(5)),
+        )
+    )
+    built = hamel.build(model, out=tmp_path / "masses", targets=["acados"])
+    assert (tmp_path / "masses" / "masses_dynamics_hessian.c").is_file()
+    assert "steps" in built.targets["acados"]
+    example = (tmp_path / "masses" / "example.c").read_text("utf-8")
+    assert "masses_dynamics_hessian.c" in example
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_several_files_with_the_same_helpers(tmp_path, monkeypatch):
+    """Sines, zeros and sums of several functions in one C file."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    built = hamel.build(MODELS / "stanford_arm.yaml", out=tmp_path / "arm", targets=["acados"])
+    assert "steps" in built.targets["acados"]
 
 
 @needs_compiler

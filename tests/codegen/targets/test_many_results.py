@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 from codegen.emit import emit
+from codegen.limits import MANY_RESULTS
 from codegen.loader import load as load_module
 from codegen.loader import part
 from codegen.program import Program, Solving
@@ -26,7 +27,6 @@ from codegen.targets.c_functions import (
     APART,
     EIGHT,
     FOUR,
-    MANY,
     _columns,
     _given,
     _in_side,
@@ -88,7 +88,7 @@ def drawn(rows: int) -> np.ndarray:
 
 def test_each_result_is_stored_where_it_is_computed_and_zeros_by_fours():
     files = emit(written())
-    assert written().kernel("regressor").size == 10 * N * N >= MANY
+    assert written().kernel("regressor").size == 10 * N * N >= MANY_RESULTS
     text = files["many_regressor.c"]
     assert "int many_regressor(" not in files["many.c"]
     lines = [line.strip() for line in text.splitlines()]

@@ -15,6 +15,13 @@ from types import ModuleType
 TYPE_CHECKING = False  # typing's own takes as long to import as all of this
 if TYPE_CHECKING:
     from codegen.runtime.events import Event
+    from derive.diagnostics import (
+        AssumptionError,
+        HamelError,
+        ModelError,
+        ToolchainError,
+        VerificationError,
+    )
     from derive.model.builder import Model
     from derive.robots import Floating, RobotFile
     from hamel.api import (
@@ -43,10 +50,15 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
+    "AssumptionError",
     "Event",
     "Floating",
+    "HamelError",
     "Model",
+    "ModelError",
     "RobotFile",
+    "ToolchainError",
+    "VerificationError",
     "base_parameters",
     "book",
     "build",
@@ -72,10 +84,15 @@ __all__ = [
 
 
 _HOMES = {
+    "AssumptionError": "derive.diagnostics",
     "Event": "codegen.runtime.events",
     "Floating": "derive.robots",
+    "HamelError": "derive.diagnostics",
     "Model": "derive.model.builder",
+    "ModelError": "derive.diagnostics",
     "RobotFile": "derive.robots",
+    "ToolchainError": "derive.diagnostics",
+    "VerificationError": "derive.diagnostics",
 }
 
 

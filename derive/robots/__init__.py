@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from os import PathLike
 
 ROBOTS = (".urdf", ".xml", ".mjcf", ".xacro")
+UNREAD = (".sdf", ".world")
 
 
 @dataclass(frozen=True)

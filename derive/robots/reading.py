@@ -19,7 +19,7 @@ from derive.model.bodies import WAIVER
 from derive.model.builder import Model as BuiltModel
 from derive.model.memory import without_collections
 from derive.model.records import Model
-from derive.robots import ROBOTS, File, RobotFile, mjcf, urdf
+from derive.robots import ROBOTS, UNREAD, File, RobotFile, mjcf, urdf
 from derive.robots.friction import smooth
 from derive.robots.inertias import gather, waive
 from derive.robots.limits import MOST_BODIES
@@ -58,6 +58,11 @@ def load(path: File) -> Model:
     is warned of."""
     if isinstance(path, BuiltModel):
         return model.load_text(path.yaml(), str(path), path.folder)
+    if Path(path).suffix.lower() in UNREAD:
+        raise ModelError(
+            f"{path} is an SDF file by its name, which is not read",
+            "make a URDF or MJCF file of it",
+        )
     if Path(path).suffix.lower() not in ROBOTS:
         if isinstance(path, RobotFile):
             _refuse_options(path)

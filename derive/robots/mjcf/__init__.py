@@ -82,6 +82,9 @@ def _notes(reading: Reading, root: Element, scene: Scene) -> None:
     result = scene.robot
     if scene.geoms:
         result.left_out.append(f"contacts between {counted(scene.geoms, 'geom')}")
+    if scene.clamped:
+        names = listed(scene.clamped)
+        result.left_out.append(f"the ranges of the forces of actuators at {names}")
     if scene.unaligned:
         names = listed(scene.unaligned)
         result.changed.append(

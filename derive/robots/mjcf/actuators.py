@@ -9,53 +9,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
+from derive.diagnostics import listed
 from derive.robots.markup import Element
 from derive.robots.mjcf.bodies import Scene
+from derive.robots.mjcf.laws import Law, law_of
 from derive.robots.mjcf.reference import felt_inertia
-from derive.robots.mjcf.settings import ACTUATORS, completed
+from derive.robots.mjcf.settings import completed
 from derive.robots.numbers import listing, scalar, written
 from derive.robots.robot import ONE_RATE, Entry, Joint, Reading, counted, quoted
 from derive.robots.rotations import rotated
 
 Transmission = list[tuple[Joint, float]]
 CLAMPS = ("ctrlrange", "forcerange", "actrange")
-OWN = ("muscle", "adhesion")  # kinds with a law that no file writes out
-
-
-@dataclass(frozen=True)
-class Activation:
-    """a' = u, or (u − a)/τ with a time constant τ in seconds; the force takes a for u. A number
-    without a unit, so that gains have that of a force."""
-
-    lag: float | None
-
-    def rate(self, u: str, a: str) -> str:
-        return f"{u}/(1 s)" if self.lag is None else f"({u} - {a})/({written(self.lag)} s)"
-
-
-@dataclass(frozen=True)
-class Law:
-    """force = (g₀ + g₁ ℓ + g₂ dℓ/dt) u + b₀ + b₁ ℓ + b₂ dℓ/dt, with the activation for u where
-    there is one. `ratio`: b₂ as a part of the critical damping, where it is not zero."""
-
-    gain: Sequence[float]
-    bias: Sequence[float]
-    activation: Activation | None = None
-    ratio: float = 0.0
-
-    @property
-    def plain(self) -> bool:
-        """Whether the force is gain · control alone, without a term in length or velocity."""
-        return not any(self.gain[1:]) and not any(self.bias)
 
 
 def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmission]:
     """Fixed tendons by name, their springs and dampers written down; spatial ones are refused where
     they act."""
     result: dict[str, Transmission] = {}
+    ends: list[str] = []
     for section in root.all("tendon"):
         for element in section.children:
             tendon = completed(reading, element, scene.settings)
@@ -64,6 +39,8 @@ def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmis
                 for name in ("stiffness", "damping", "armature", "frictionloss")
                 if any(listing(reading, tendon, name) or ())
             ]
+            if "range" in tendon.attributes and tendon.get("limited") != "false":
+                ends.append(tendon.get("name") or tendon.tag)
             if tendon.tag == "fixed":
                 result[tendon.get("name")] = _coefficients(reading, tendon, scene)
                 _tendon_forces(reading, tendon, acts, result[tendon.get("name")], scene)
@@ -74,15 +51,13 @@ def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmis
                     "fixed tendons",
                     attribute=acts[0],
                 )
-            elif "range" in tendon.attributes:
-                scene.robot.left_out.append(
-                    f"the tendon {quoted(tendon.get('name'))}, which only ends a motion where "
-                    "it is taut"
-                )
-            else:
+            elif "range" not in tendon.attributes:
                 scene.robot.changed.append(
                     f"the tendon {quoted(tendon.get('name'))} does nothing and is left out"
                 )
+    if ends:
+        said = f"the ranges of {listed(map(quoted, ends))}, which end a motion where they are taut"
+        scene.robot.left_out.append(f"of tendons, {said}")
     return result
 
 
@@ -123,7 +98,7 @@ def _tendon_forces(
             "one springlength",
             attribute="springlength",
         )
-    start = sum(c * scene.references.get(joint.name, 0.0) for joint, c in along)
+    start = sum(c * scene.rests.get(joint.name, 0.0) for joint, c in along)
     law = Law((0.0,), (stiffness * (start if rest[0] == -1.0 else rest[0]), -stiffness, -damping))
     if any(law.bias):
         _by_formula(reading, tendon, tendon.get("name") or "tendon", law, along, "", scene)
@@ -143,7 +118,7 @@ def actuators(
                 continue
             early += actuator.get("actearly") == "true"
             late += scalar(reading, actuator, "delay") > 0.0
-            law = _law(reading, actuator)
+            law = law_of(reading, element, scene.settings)
             if law is not None:
                 _transmitted(reading, actuator, law, known, scene)
             clamped += any(name in actuator.attributes for name in CLAMPS)
@@ -160,84 +135,11 @@ def actuators(
         )
 
 
-def _law(reading: Reading, actuator: Element) -> Law | None:
-    """The force law of an actuator; None after reporting one that cannot be read."""
-    kind = actuator.tag
-    if kind not in ACTUATORS or kind in OWN:
-        known = ", ".join(one for one in ACTUATORS if one not in OWN)
-        reading.report(actuator, f"a <{kind}> actuator, which has a law of its own", known)
-        return None
-    if kind in ("general", "cylinder"):
-        return _general(reading, actuator) if kind == "general" else _cylinder(reading, actuator)
-    kp = scalar(reading, actuator, "kp", 1.0)
-    kv = scalar(reading, actuator, "kv", 1.0 if kind in ("velocity", "damper") else 0.0)
-    lag, ratio = scalar(reading, actuator, "timeconst"), scalar(reading, actuator, "dampratio")
-    if ratio < 0.0:
-        reading.report(
-            actuator, "a damping ratio below zero", "zero or more", attribute="dampratio"
-        )
-    filtered = Activation(lag) if lag > 0.0 else None
-    laws = {
-        "motor": Law((1.0,), ()),
-        "position": Law((kp,), (0.0, -kp, -kv), filtered, ratio),
-        "velocity": Law((kv,), (0.0, 0.0, -kv)),
-        "intvelocity": Law((kp,), (0.0, -kp, -kv), Activation(None), ratio),
-        "damper": Law((0.0, 0.0, -kv), ()),
-    }
-    return laws[kind]
-
-
-def _cylinder(reading: Reading, actuator: Element) -> Law | None:
-    """Of pressure a: force area · a + bias, a' = (u − a)/timeconst."""
-    area = scalar(reading, actuator, "area", 1.0)
-    if "diameter" in actuator.attributes:
-        area = math.pi / 4.0 * scalar(reading, actuator, "diameter") ** 2
-    bias = (listing(reading, actuator, "bias") or [0.0])[:3]
-    activation = _filter(reading, actuator, scalar(reading, actuator, "timeconst", 1.0))
-    return activation and Law((area,), bias, activation)
-
-
-def _filter(reading: Reading, actuator: Element, lag: float) -> Activation | None:
-    if lag > 0.0:
-        return Activation(lag)
-    problem = f"an activation with the time constant {written(lag)} s"
-    reading.report(actuator, problem, "a positive one")
-    return None
-
-
-def _general(reading: Reading, actuator: Element) -> Law | None:
-    kinds = {
-        "gaintype": ("fixed", "affine"),
-        "biastype": ("none", "affine"),
-        "dyntype": ("none", "integrator", "filter", "filterexact"),
-    }
-    for attribute, allowed in kinds.items():
-        if actuator.get(attribute, allowed[0]) not in allowed:
-            reading.report(
-                actuator,
-                f"{attribute}='{actuator.get(attribute)}'",
-                ", ".join(allowed),
-                attribute=attribute,
-            )
-            return None
-    gain = (listing(reading, actuator, "gainprm") or [1.0])[:3]
-    bias = (listing(reading, actuator, "biasprm") or [0.0])[:3]
-    affine = actuator.get("biastype", "none") == "affine"
-    law = Law(gain if actuator.get("gaintype") == "affine" else gain[:1], bias if affine else ())
-    if affine and len(bias) > 2 and bias[2] > 0.0 and gain[0] == -bias[1]:  # of a position servo
-        law = replace(law, bias=bias[:2], ratio=bias[2])
-    dynamics = actuator.get("dyntype", "none")
-    if dynamics in ("none", "integrator"):
-        return replace(law, activation=Activation(None)) if dynamics == "integrator" else law
-    lag = (listing(reading, actuator, "dynprm") or [1.0])[0]
-    activation = _filter(reading, actuator, lag)
-    return activation and replace(law, activation=activation)
-
-
 def _transmitted(
     reading: Reading, actuator: Element, law: Law, known: dict[str, Transmission], scene: Scene
 ) -> None:
     gear = listing(reading, actuator, "gear") or [1.0]
+    law = _with_rotor(reading, actuator, law, gear[0], scene)
     if "site" in actuator.attributes:
         _at_site(reading, actuator, law, gear, scene)
     elif "tendon" in actuator.attributes:
@@ -268,6 +170,30 @@ def _transmitted(
             f"a <{actuator.tag}> that drives no joint, tendon or site",
             "joint, tendon or site",
         )
+
+
+def _with_rotor(reading: Reading, actuator: Element, law: Law, gear: float, scene: Scene) -> Law:
+    """What the actuator's own armature and damping are to its joint, times gear squared; along a
+    tendon, damping is a part of the law."""
+    armature = scalar(reading, actuator, "armature")
+    linear, *further = listing(reading, actuator, "damping") or [0.0]
+    if any(further):
+        problem = "damping with the square or the cube of a speed"
+        reading.report(actuator, problem, "one number", attribute="damping")
+    if not armature and not linear:
+        return law
+    name = actuator.get("joint") or actuator.get("jointinparent")
+    joint = scene.joints.get(name)
+    if joint is not None and joint.type in ONE_RATE:
+        joint.armature += armature * gear**2
+        joint.damper += linear * gear**2 * ("damper" not in scene.settings.off)
+    elif armature or "tendon" not in actuator.attributes:
+        problem = "an armature or damping of an actuator that drives no hinge or slide"
+        reading.report(actuator, problem, "those of a joint, or of none")
+    elif "damper" not in scene.settings.off:
+        b0, b1, b2 = (*law.bias, 0.0, 0.0, 0.0)[:3]
+        return replace(law, bias=(b0, b1, b2 - linear))
+    return law
 
 
 def _input(reading: Reading, actuator: Element, target: str, notes: list[str]) -> str:
@@ -315,8 +241,8 @@ def _along(
         return
     law = _damped(reading, actuator, law, along, scene)
     first = along[0][0].name
-    if law.plain and not law.activation and len(along) == 1:
-        factor = along[0][1] * law.gain[0]
+    factor = along[0][1] * law.gain[0]
+    if law.plain and not law.activation and len(along) == 1 and factor:
         notes: list[str] = []
         name = _input(reading, actuator, first, notes)
         gear = "" if factor == 1.0 else f", gear: {written(factor)}"
@@ -366,6 +292,8 @@ def _by_formula(
 ) -> None:
     """cᵢ · law for every joint, multiplied out so that every coefficient can have its unit."""
     for joint, c in along:
+        if not (any(law.gain) and u) and not any(law.bias):
+            continue  # such as a servo of gain zero
         force = " N*m" if joint.type == "revolute" else " N"
         gain = _affine(law.gain, c, along, force if law.activation else None)
         terms = [_times(term, u) for term in gain] if u else []

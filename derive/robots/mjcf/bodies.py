@@ -53,8 +53,10 @@ class Scene:
     poses: dict[str, Frame] = field(default_factory=lambda: {GROUND: Frame()})
     joints: dict[str, Joint] = field(default_factory=dict[str, Joint])
     references: dict[str, float] = field(default_factory=dict[str, float])
+    rests: dict[str, float] = field(default_factory=dict[str, float])  # of springs
     sites: dict[str, tuple[str, Frame]] = field(default_factory=dict[str, tuple[str, Frame]])
     site_elements: dict[str, Element] = field(default_factory=dict[str, Element])
+    clamped: list[str] = field(default_factory=list[str])
     unaligned: list[str] = field(default_factory=list[str])
     inverse: Inverse | None = None  # where something asked for it
     geoms: int = 0
@@ -189,11 +191,12 @@ def _body(reading: Reading, waiting: Waiting, scene: Scene, floating: bool) -> l
     body = Body("", element)
     original = element.get("name")
     body.name = reading.body_name(original or "body", body.notes if original else [])
-    if original in scene.bodies:
+    if original and original in scene.bodies:
         reading.report(
             element, f"a second body '{original}'", "names that differ", attribute="name"
         )
-    scene.bodies[original or body.name] = body.name
+    if original:
+        scene.bodies[original] = body.name
     pose = waiting.frame.then(
         vector(reading, element, "pos"), orientation(reading, element, scene.settings)
     )
@@ -288,11 +291,12 @@ def _joint(
     joint.name = reading.joint_name(
         original or f"{child}_joint", joint.type, joint.notes if original else []
     )
-    if original in scene.joints:
+    if original and original in scene.joints:
         reading.report(
             element, f"a second joint '{original}'", "names that differ", attribute="name"
         )
-    scene.joints[original or joint.name] = joint
+    if original:
+        scene.joints[original] = joint
     if joint.type == "free":
         if not attachment.on_ground:
             reading.report(
@@ -344,7 +348,9 @@ def _place(
     if (limits := listing(reading, element, "range", 2)) and joint.type != "ball":
         turned = joint.type == "revolute"
         low, high = (scene.settings.angle(limit) if turned else limit for limit in limits)
-        joint.limits = (low, high) if low < high else None
+        joint.limits = (low, high) if low < high and element.get("limited") != "false" else None
+    if "actuatorfrcrange" in element.attributes and element.get("actuatorfrclimited") != "false":
+        scene.clamped.append(joint.name)
 
 
 def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> None:
@@ -359,6 +365,7 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
     if joint.type in ("revolute", "prismatic"):
         rest = scalar(reading, element, "springref")
         rest = scene.settings.angle(rest) if joint.type == "revolute" else rest
+        scene.rests[joint.name] = rest
         joint.spring = (stiffness, rest) if stiffness else None
         joint.damper, joint.coulomb, joint.armature = damping, loss, armature
         return

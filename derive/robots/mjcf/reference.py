@@ -93,7 +93,7 @@ def _inverse_mass(reading: Reading, scene: Scene) -> Inverse:
             M[there, own] = M[own, there].T
             carrier = above.get(carrier.parent)
         M[own, own] += _armature(reading, joint) * np.eye(len(twists[joint.name]))
-    return Inverse(np.linalg.inv(M), starts)
+    return Inverse(np.asarray(np.linalg.inv(M), dtype=np.float64), starts)
 
 
 def _armature(reading: Reading, joint: Joint) -> float:

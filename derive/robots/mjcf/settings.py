@@ -40,10 +40,12 @@ ACTUATORS = (
 
 @dataclass
 class Settings:
-    """`classes`: class → kind of element → attributes, with what the class inherits. `off`: flags
-    that are disabled. `total_mass`: what all bodies are scaled to, where it is more than zero.
-    `idle_groups`: of actuators without force. `aligned`: free bodies move with their inertia's
-    frame where they say nothing."""
+    """`classes`: class → kind of element → attributes, with what the class inherits; `laws`: class
+    → what it says of actuators, each over the ones before. `off`: flags that are disabled.
+    `total_mass`: what all bodies are scaled to, where it is more than zero. `idle_groups`: of
+    actuators without force. `aligned`: free bodies move with their inertia's frame where they say
+    nothing.
+    """
 
     degrees: bool = True
     sequence: str = "xyz"
@@ -57,6 +59,7 @@ class Settings:
     idle_groups: tuple[float, ...] = ()
     aligned: bool = False
     classes: dict[str, dict[str, dict[str, str]]] = field(default_factory=lambda: {"main": {}})
+    laws: dict[str, tuple[Element, ...]] = field(default_factory=dict[str, tuple[Element, ...]])
 
     def angle(self, value: float) -> float:
         """An angle of the file in radians."""
@@ -145,6 +148,7 @@ def settings(reading: Reading, root: Element) -> Settings:
             _option(reading, section, result)
         elif section.tag == "default":
             _defaults(reading, section, result)
+    _apply_flags(result)
     return result
 
 
@@ -184,6 +188,11 @@ def _option(reading: Reading, option: Element, found: Settings) -> None:
     found.idle_groups = tuple(listing(reading, option, "actuatorgroupdisable") or found.idle_groups)
     for flag in option.all("flag"):
         found.off |= {name for name, state in flag.attributes.items() if state == "disable"}
+        found.off -= {name for name, state in flag.attributes.items() if state == "enable"}
+
+
+def _apply_flags(found: Settings) -> None:
+    """What a flag switches off besides what has its name."""
     if "gravity" in found.off:
         found.gravity = (0.0, 0.0, 0.0)
     if "passive" in found.off:  # the two together, in older versions
@@ -207,9 +216,11 @@ def _defaults(reading: Reading, default: Element, found: Settings) -> None:
         table = {tag: dict(attributes) for tag, attributes in found.classes[parent].items()}
         for child in element.children:
             if child.tag != "default":
-                table.setdefault(_family(child.tag), {}).update(child.attributes)
+                kind = _family(child.tag)
+                table[kind] = _overruled(table.get(kind, {}), child.attributes)
+        found.laws[name] = (*found.laws.get(parent, ()), *element.all(*ACTUATORS))
         if name == "main" or element is default:
-            found.classes["main"] = table
+            found.classes["main"], found.laws["main"] = table, found.laws[name]
         found.classes[name] = table
         waiting += [(child, name) for child in element.all("default")]
 
@@ -218,6 +229,14 @@ def _family(tag: str) -> str:
     """MuJoCo keeps one set of defaults for all kinds of actuators, and one for both kinds of
     tendons."""
     return "actuator" if tag in ACTUATORS else "tendon" if tag in ("fixed", "spatial") else tag
+
+
+def _overruled(before: dict[str, str], own: dict[str, str]) -> dict[str, str]:
+    """One's own attributes over those of a class; an orientation over one in other words."""
+    kinds = {name for name, _, _ in _ORIENTATIONS}
+    if kinds & own.keys():
+        before = {name: value for name, value in before.items() if name not in kinds}
+    return before | own
 
 
 def completed(reading: Reading, element: Element, found: Settings, inherited: str = "") -> Element:
@@ -233,7 +252,7 @@ def completed(reading: Reading, element: Element, found: Settings, inherited: st
             "class",
         )
         return element
-    attributes = found.classes[wanted].get(_family(element.tag), {}) | element.attributes
+    attributes = _overruled(found.classes[wanted].get(_family(element.tag), {}), element.attributes)
     return Element(
         element.tag, attributes, element.file, element.at, element.children, element.text
     )

@@ -106,13 +106,12 @@ def _weld(reading: Reading, tie: Element, scene: Scene) -> None:
     if pair is None:
         return
     relative = _ground_frame(scene, pair[0], scene.poses[pair[1]])
-    pose = listing(reading, tie, "relpose", 7)
-    if pose and any(pose[3:]):
+    pose, anchor = listing(reading, tie, "relpose", 7), vector(reading, tie, "anchor")
+    there = Frame(relative.then(anchor, relative.turn).at, relative.turn)
+    if pose and any(pose[3:]):  # where the anchor is then
         turn = from_quaternion(pose[3:])
         assert turn is not None
-        relative = Frame((pose[0], pose[1], pose[2]), turn)
-    anchor = vector(reading, tie, "anchor")
-    there = Frame(relative.then(anchor, relative.turn).at, relative.turn)
+        there = Frame((pose[0], pose[1], pose[2]), turn)
     _hold(reading, tie, pair, there, anchor, scene)
 
 

@@ -233,3 +233,123 @@ def test_the_armature_of_a_free_joint_is_felt_along_the_ground(tmp_path):
     fall = np.array([0.0, 0.0, -9.81 * 2.0 / 2.5])
     assert np.allclose(rates[7:10], turn.T @ fall - np.cross(w, v), atol=1e-14)
     assert np.allclose(rates[10:], 0.0, atol=1e-14)
+
+
+PRM = '<general gainprm="50" biasprm="1 -50 -3" biastype="affine"/>'
+SERVO = """<mujoco><default>{}</default><worldbody><body>
+  <joint name="j" {}/><geom size="0.1" {}/>
+</body></worldbody><actuator>{}</actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("default", "own", "force"),
+    [  # gains and biases as MuJoCo 4.0.0 compiles them
+        ('<position kp="30" kv="2"/>', "<general/>", "30*a + (-30 k)*j + (-2 d)*der(j)"),
+        ('<position kp="30" kv="2"/>', '<position kv="3"/>', "30*a + (-30 k)*j + (-3 d)*der(j)"),
+        ('<position kp="30" kv="2"/>', "<velocity/>", "a + (-1 d)*der(j)"),
+        (
+            '<position kp="30" dampratio="1"/>',
+            '<position kv="3"/>',
+            "30*a + (-30 k)*j + (-3 d)*der(j)",
+        ),
+        (PRM, "<general/>", "50*a + (1 N*m) + (-50 k)*j + (-3 d)*der(j)"),
+        (PRM, "<position/>", "50*a + (-50 k)*j + (-3 d)*der(j)"),
+        (PRM, '<position kv="4"/>', "50*a + (-50 k)*j + (-4 d)*der(j)"),
+        (PRM, "<velocity/>", "50*a + (-50 d)*der(j)"),
+        ('<velocity kv="4"/>', "<general/>", "4*a + (-4 d)*der(j)"),
+        ('<velocity kv="4"/>', "<position/>", "a + (-1 k)*j"),
+        ('<motor gear="3"/>', '<position kv="3"/>', "3*a + (-9 k)*j + (-27 d)*der(j)"),
+        ('<cylinder area="3" bias="1 2 3"/>', '<position kp="2"/>', "2*a + (-2 k)*j"),
+        (
+            '<general gainprm="4"/><position kv="1"/>',
+            "<general/>",
+            "4*a + (-4 k)*j + (-1 d)*der(j)",
+        ),
+    ],
+)
+def test_defaults_of_one_kind_of_actuator_for_another(default, own, force, tmp_path):
+    named = own.replace("/>", ' name="a" joint="j"/>')
+    found = read(tmp_path, SERVO.format(default, "", "", named))
+    written = force.replace(" k)", " N*m/rad)").replace(" d)", " N*m*s/rad)")
+    assert f"expression: {written}}}" in found.text
+
+
+@pytest.mark.parametrize(
+    ("default", "own"),
+    [
+        ('<position kp="30" kv="2"/>', "<motor/>"),
+        (PRM, "<motor/>"),
+        ('<position kp="30" timeconst="1"/>', "<motor/>"),
+    ],
+)
+def test_a_motor_is_one_whatever_the_defaults_say(default, own, tmp_path):
+    named = own.replace("/>", ' name="a" joint="j"/>')
+    assert "a: {joint: j}" in read(tmp_path, SERVO.format(default, "", "", named)).text
+
+
+def test_rotors_and_dampers_of_actuators(tmp_path):
+    motor = '<motor name="a" joint="j" gear="3" armature="0.5" damping="2"/>'
+    found = read(tmp_path, SERVO.format("", 'damping="1" armature="0.25"', "", motor))
+    assert "damper: 19, armature: 4.75" in found.text
+    with pytest.raises(ModelError, match="drives no hinge or slide"):
+        read(tmp_path, WELDED.format("").replace("<equality>", AT_SITE))
+    with pytest.raises(ModelError, match="damping with the square"):
+        read(tmp_path, SERVO.format("", "", "", motor.replace('"2"', '"2 1 0"')))
+
+
+AT_SITE = '<actuator><motor site="s" armature="1"/></actuator><equality>'
+
+
+def test_a_servo_of_gain_zero_and_names_that_only_look_taken(tmp_path):
+    servo = '<position name="a" joint="j" kp="0"/>'
+    text = SERVO.format("", "", "", servo)
+    text = text.replace("<body>", '<body name="body"><joint axis="1 0 0"/>', 1)
+    text = text.replace("</worldbody>", OTHER + "</worldbody>")
+    found = read(tmp_path, text)
+    assert [given.name for given in found.model.inputs] == ["a"]
+    assert len(found.model.joints) == 3
+
+
+OTHER = '<body name="else"><joint name="body_joint"/><geom size="1"/></body>'
+
+
+@pytest.mark.parametrize(("joint", "rest"), [('springref="30"', 30.0), ('ref="30"', 0.0)])
+def test_a_tendon_without_a_length_rests_where_the_springs_do(joint, rest, tmp_path):
+    text = SERVO.format("", joint, "", "").replace("<actuator>", TENDON + "<actuator>")
+    found = read(tmp_path, text)
+    assert f"{40.0 * math.radians(rest):.12g}"[:12] in found.text or rest == 0.0
+    assert ("N*m) +" in found.text) == (rest != 0.0)
+
+
+TENDON = '<tendon><fixed name="t" stiffness="10"><joint joint="j" coef="2"/></fixed></tendon>'
+
+
+def test_an_orientation_takes_the_place_of_one_in_other_words(tmp_path):
+    default = '<geom type="box" size="0.1 0.2 0.3" quat="0 1 1 0"/>'
+    scene = SERVO.replace('size="0.1" ', "")
+    turned = read(tmp_path, scene.format(default, "", 'euler="0 0 90"', "")).text
+    plain = default.replace(' quat="0 1 1 0"', "")
+    assert turned == read(tmp_path, scene.format(plain, "", 'euler="0 0 90"', "")).text
+
+
+def test_a_flag_is_what_was_said_last(tmp_path):
+    off = '<option><flag gravity="disable" spring="disable"/></option>'
+    text = SERVO.format("", 'stiffness="3"', "", "")
+    twice = text.replace("<default>", off + off.replace("disable", "enable") + "<default>")
+    assert read(tmp_path, twice).text == read(tmp_path, text).text
+    assert "spring:" not in read(tmp_path, text.replace("<default>", off + "<default>")).text
+
+
+def test_a_weld_with_a_pose_has_its_anchor_there(tmp_path):
+    weld = '<weld body1="a" body2="b" relpose="0.5 0.1 0.2 1 0 0 0" anchor="0.3 0.1 -0.2"/>'
+    assert "at: [[0.5, 0.1, 0.2], [0.3, 0.1, -0.2]]" in read(tmp_path, WELDED.format(weld)).text
+
+
+def test_what_only_ends_a_motion_or_a_force_is_said(tmp_path):
+    tendon = TENDON.replace("stiffness", 'range="-1 1" stiffness')
+    joint = 'range="-1 1" limited="false" actuatorfrcrange="-2 2"'
+    text = SERVO.format("", joint, "", "").replace("<actuator>", tendon + "<actuator>")
+    found = read(tmp_path, text)
+    assert "limits:" not in found.text
+    assert "LEFT OUT: of tendons, the ranges of 't'" in found.text
+    assert "LEFT OUT: the ranges of the forces of actuators at j" in found.text

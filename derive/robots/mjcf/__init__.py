@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from derive.diagnostics import did_you_mean, listed
 from derive.robots.markup import Budget, Element
-from derive.robots.mjcf.actuators import actuators, tendons
+from derive.robots.mjcf.actuators import actuators, rotors, tendons
 from derive.robots.mjcf.bodies import Scene, walk
 from derive.robots.mjcf.reference import springs_by_time
 from derive.robots.mjcf.replicas import replicate
@@ -39,6 +39,7 @@ def robot(
         walk(reading, world, scene, floating)
     if not result.bodies and not reading.problems:
         root.refuse("the file has no bodies", "<body> inside <worldbody>")
+    rotors(reading, root, scene)
     springs_by_time(reading, scene)
     known = tendons(reading, root, scene)
     if not _is_off("equality", "equality", root, scene):

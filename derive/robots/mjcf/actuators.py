@@ -139,7 +139,6 @@ def _transmitted(
     reading: Reading, actuator: Element, law: Law, known: dict[str, Transmission], scene: Scene
 ) -> None:
     gear = listing(reading, actuator, "gear") or [1.0]
-    law = _with_rotor(reading, actuator, law, gear[0], scene)
     if "site" in actuator.attributes:
         _at_site(reading, actuator, law, gear, scene)
     elif "tendon" in actuator.attributes:
@@ -153,13 +152,11 @@ def _transmitted(
                 "tendon",
             )
         else:
-            _along(
-                reading,
-                actuator,
-                law,
-                [(j, gear[0] * c) for j, c in known[actuator.get("tendon")]],
-                scene,
-            )
+            if "damper" not in scene.settings.off:
+                b0, b1, b2 = (*law.bias, 0.0, 0.0, 0.0)[:3]
+                law = replace(law, bias=(b0, b1, b2 - _damping(reading, actuator)))
+            along = [(j, gear[0] * c) for j, c in known[actuator.get("tendon")]]
+            _along(reading, actuator, law, along, scene)
     elif "joint" in actuator.attributes or "jointinparent" in actuator.attributes:
         attribute = "joint" if "joint" in actuator.attributes else "jointinparent"
         if (joint := _joint(reading, actuator, attribute, scene)) is not None:
@@ -172,28 +169,29 @@ def _transmitted(
         )
 
 
-def _with_rotor(reading: Reading, actuator: Element, law: Law, gear: float, scene: Scene) -> Law:
-    """What the actuator's own armature and damping are to its joint, times gear squared; along a
-    tendon, damping is a part of the law."""
-    armature = scalar(reading, actuator, "armature")
+def rotors(reading: Reading, root: Element, scene: Scene) -> None:
+    """What the armature and the damping of actuators are to their joints, times gear squared. They
+    belong to the joints before anything is damped by a ratio."""
+    for section in root.all("actuator"):
+        for element in section.children:
+            actuator = completed(reading, element, scene.settings)
+            armature, damping = scalar(reading, actuator, "armature"), _damping(reading, actuator)
+            joint = scene.joints.get(actuator.get("joint") or actuator.get("jointinparent"))
+            if joint is not None and joint.type in ONE_RATE:
+                gear = (listing(reading, actuator, "gear") or [1.0])[0]
+                joint.armature += armature * gear**2
+                joint.damper += damping * gear**2 * ("damper" not in scene.settings.off)
+            elif armature or (damping and "tendon" not in actuator.attributes):
+                problem = "an armature or damping of an actuator that drives no hinge or slide"
+                reading.report(actuator, problem, "those of a joint, or of none")
+
+
+def _damping(reading: Reading, actuator: Element) -> float:
     linear, *further = listing(reading, actuator, "damping") or [0.0]
     if any(further):
         problem = "damping with the square or the cube of a speed"
         reading.report(actuator, problem, "one number", attribute="damping")
-    if not armature and not linear:
-        return law
-    name = actuator.get("joint") or actuator.get("jointinparent")
-    joint = scene.joints.get(name)
-    if joint is not None and joint.type in ONE_RATE:
-        joint.armature += armature * gear**2
-        joint.damper += linear * gear**2 * ("damper" not in scene.settings.off)
-    elif armature or "tendon" not in actuator.attributes:
-        problem = "an armature or damping of an actuator that drives no hinge or slide"
-        reading.report(actuator, problem, "those of a joint, or of none")
-    elif "damper" not in scene.settings.off:
-        b0, b1, b2 = (*law.bias, 0.0, 0.0, 0.0)[:3]
-        return replace(law, bias=(b0, b1, b2 - linear))
-    return law
+    return linear
 
 
 def _input(reading: Reading, actuator: Element, target: str, notes: list[str]) -> str:

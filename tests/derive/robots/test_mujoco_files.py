@@ -291,6 +291,10 @@ def test_rotors_and_dampers_of_actuators(tmp_path):
     motor = '<motor name="a" joint="j" gear="3" armature="0.5" damping="2"/>'
     found = read(tmp_path, SERVO.format("", 'damping="1" armature="0.25"', "", motor))
     assert "damper: 19, armature: 4.75" in found.text
+    # a ratio of the critical damping counts every rotor, whatever comes first
+    servo, more = '<position joint="j" kp="2" dampratio="0.5"/>', '<motor joint="j" armature="4"/>'
+    found = read(tmp_path, SERVO.format("", "", 'mass="10"', servo + more))
+    assert f"(-{math.sqrt(2.0 * (4.0 + 0.4 * 10 * 0.1**2)):.12g}"[:14] in found.text
     with pytest.raises(ModelError, match="drives no hinge or slide"):
         read(tmp_path, WELDED.format("").replace("<equality>", AT_SITE))
     with pytest.raises(ModelError, match="damping with the square"):

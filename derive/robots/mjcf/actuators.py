@@ -262,7 +262,8 @@ def _damped(
     kp = -law.bias[1]
     felt = felt_inertia(reading, actuator, along, scene)
     damping = 2.0 * law.ratio * math.sqrt(max(kp * felt, 0.0))
-    return replace(law, bias=(law.bias[0], law.bias[1], -damping), ratio=0.0)
+    b0, b1, b2 = law.bias
+    return replace(law, bias=(b0, b1, b2 - damping), ratio=0.0)
 
 
 def _driver(reading: Reading, actuator: Element, law: Law, target: str, scene: Scene) -> str:

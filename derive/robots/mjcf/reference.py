@@ -55,8 +55,8 @@ def _spring(reading: Reading, joint: Joint, given: tuple[float, float], scene: S
     rest = scene.settings.angle(rest) if joint.type == "revolute" else rest
     if "spring" not in off:
         joint.spring = (inertia / (time * ratio) ** 2, rest)
-    if "damper" not in off:
-        joint.damper = 2.0 * inertia / time
+    if "damper" not in off:  # beside that of actuators
+        joint.damper += 2.0 * inertia / time - scalar(reading, joint.place, "damping")
     joint.notes.append("spring and damper by the time constant and damping ratio of the file")
 
 

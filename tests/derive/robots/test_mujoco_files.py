@@ -92,6 +92,11 @@ def test_springs_by_time_constant_and_ratio(tmp_path):
     inertia = 1.0 / inverse[owners.index("b"), owners.index("b")]
     assert f"stiffness: {inertia / 0.03**2:.9g}"[:-2] in found.text
     assert f"damper: {2.0 * inertia / 0.05:.9g}"[:-2] in found.text
+    motor = '<motor joint="b" gear="2" damping="0.5"/>'
+    driven = read(
+        tmp_path, ARM.format(spring='springdamper="0.05 0.6" damping="9"', actuator=motor)
+    )
+    assert f"damper: {2.0 * inertia / 0.05 + 2.0:.9g}"[:-2] in driven.text
     with pytest.raises(ModelError, match="a spring in a ball joint"):
         read(tmp_path, ARM.format(spring="", actuator="").replace('"ball"', BALL))
 
@@ -299,6 +304,21 @@ def test_rotors_and_dampers_of_actuators(tmp_path):
         read(tmp_path, WELDED.format("").replace("<equality>", AT_SITE))
     with pytest.raises(ModelError, match="damping with the square"):
         read(tmp_path, SERVO.format("", "", "", motor.replace('"2"', '"2 1 0"')))
+
+
+def test_damping_of_an_actuator_along_a_tendon_comes_to_that_of_its_ratio(tmp_path):
+    servo = '<position tendon="t" kp="2" dampratio="0.5" gear="3" damping="{}"/>'
+    text = SERVO.format("", 'armature="1"', 'mass="1e-9"', servo).replace(
+        "<actuator>",
+        '<tendon><fixed name="t"><joint joint="j" coef="2"/></fixed></tendon><actuator>',
+    )
+
+    def coefficient(damping: float) -> float:
+        found = read(tmp_path, text.format(damping))
+        return float(re.findall(r"\((\S+) N\S*\)\*der", found.text)[0])
+
+    assert coefficient(0.25) - coefficient(0.0) == pytest.approx(-0.25 * 6.0**2, rel=1e-12)
+    assert coefficient(0.0) == pytest.approx(-math.sqrt(2.0 / 36.0) * 6.0**2, rel=1e-6)
 
 
 AT_SITE = '<actuator><motor site="s" armature="1"/></actuator><equality>'

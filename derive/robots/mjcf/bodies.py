@@ -111,6 +111,7 @@ def _carried_armatures(reading: Reading, scene: Scene) -> None:
         mount.name = reading.joint_name(f"{body.name}_mount", "fixed", [])
         scene.robot.bodies.append(body)
         scene.robot.joints.append(mount)
+        scene.poses[body.name] = scene.poses[joint.child]
         if any(scene.settings.gravity):
             lift = ", ".join(written(x) for x in times(-armature, scene.settings.gravity))
             text = f"{{type: force, body: {body.name}, components: [{lift}]}}"

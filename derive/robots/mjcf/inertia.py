@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from derive.robots.limits import ROUNDING
 from derive.robots.markup import Element
 from derive.robots.mjcf.settings import Settings, along_z, orientation
 from derive.robots.numbers import listing, scalar, vector
@@ -213,8 +216,17 @@ def fill(body: Body, piece: Piece, found: Settings) -> None:
     body.inertia = piece.tensor if any(piece.tensor) else ()
     if found.least_mass and body.mass < found.least_mass:
         body.mass = found.least_mass
-    if found.least_inertia and (not body.inertia or min(body.inertia[:3]) < found.least_inertia):
-        body.inertia = tuple(
-            max(x, found.least_inertia) if k < 3 else x
-            for k, x in enumerate(body.inertia or (0.0,) * 6)
-        )
+    if found.least_inertia:
+        body.inertia = _bounded(body.inertia or (0.0,) * 6, found.least_inertia)
+
+
+def _bounded(tensor: Sequence[float], least: float) -> tuple[float, ...]:
+    """With principal moments of at least that."""
+    xx, yy, zz, xy, xz, yz = tensor
+    moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if moments[0] >= least:
+        return tuple(tensor)
+    bounded = (axes * np.maximum(moments, least)) @ axes.T
+    full = np.where(np.abs(bounded) < ROUNDING * moments[2], 0.0, bounded)
+    places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    return tuple(float(full[place]) for place in places)

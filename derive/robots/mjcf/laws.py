@@ -1,14 +1,17 @@
-"""Force laws of MJCF actuators. Classes of defaults and an actuator write, one after the other,
-into one record of gains, biases and activation; the kinds of actuators are ways of writing it.
+"""Force laws of MJCF actuators: gains, biases and an activation, which every kind of actuator
+writes in a way of its own.
 
-Source: MuJoCo 4, XML reference, section actuator. A kind that follows another one than itself or
-<general> starts anew.
+A class of defaults has a record of these for each kind. What it says of <general> is written over
+that of <general>, and stands for all kinds with gains of its type then; what it says of another
+kind is written over that of the kind, and stands for <general> as well. An actuator is written over
+the record of its kind. So does MuJoCo 4.0.0, whose XML reference says what the kinds write; where
+several kinds of defaults meet (`is_mixed`), it looks further for a record that suits.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from derive.robots.markup import Element
@@ -55,8 +58,7 @@ class Law:
 
 @dataclass(frozen=True)
 class _Record:
-    """What is written so far. b₂ above zero is a damping ratio where b₁ = −g₀. `kind`: the last one
-    that was not general."""
+    """What is written so far. b₂ above zero is a damping ratio where b₁ = −g₀."""
 
     gain: Three = (1.0, 0.0, 0.0)
     bias: Three = (0.0, 0.0, 0.0)
@@ -64,7 +66,6 @@ class _Record:
     gaintype: str = "fixed"
     biastype: str = "none"
     dyntype: str = "none"
-    kind: str = ""
 
 
 def law_of(reading: Reading, actuator: Element, found: Settings) -> Law | None:
@@ -73,16 +74,28 @@ def law_of(reading: Reading, actuator: Element, found: Settings) -> Law | None:
         known = ", ".join(_WRITERS)
         reading.report(actuator, f"a <{actuator.tag}> actuator, which has a law of its own", known)
         return None
-    record = _Record()
-    for element in (*found.laws.get(actuator.get("class") or "main", ()), actuator):
+    records = dict.fromkeys(_WRITERS, _Record())
+    for element in found.laws.get(actuator.get("class") or "main", ()):
         if element.tag not in _WRITERS:
             continue  # of a kind that is refused where it stands for itself
-        if element.tag not in (GENERAL, record.kind) and record.kind:
-            record = _Record()
-        record = _WRITERS[element.tag](reading, element, record)
-        if element.tag != GENERAL:
-            record = replace(record, kind=element.tag)
+        record = _WRITERS[element.tag](reading, element, records[element.tag])
+        records |= dict.fromkeys(_takers(element.tag, record), record)
+    record = _WRITERS[actuator.tag](reading, actuator, records[actuator.tag])
     return _law(reading, actuator, record)
+
+
+def _takers(kind: str, record: _Record) -> Iterable[str]:
+    """Kinds of actuators for which the record stands."""
+    if kind != GENERAL:
+        return (kind, GENERAL)
+    affine = record.gaintype == "affine"
+    return (GENERAL, *(one for one in _WRITERS if affine == (one == "damper")))
+
+
+def is_mixed(actuator: Element, found: Settings) -> bool:
+    """Whether several kinds of defaults meet, one of them another than the actuator's."""
+    kinds = {element.tag for element in found.laws.get(actuator.get("class") or "main", ())}
+    return len(kinds) > 1 and bool(kinds - {actuator.tag, GENERAL})
 
 
 def _law(reading: Reading, actuator: Element, record: _Record) -> Law | None:
@@ -148,7 +161,7 @@ def _position(reading: Reading, element: Element, record: _Record) -> _Record:
         if damping < 0.0:
             problem = "a damping ratio below zero"
             reading.report(element, problem, "zero or more", attribute="dampratio")
-    dyntype = record.dyntype if record.kind else "none"
+    dyntype = "filterexact" if record.dyntype == "filterexact" else "none"
     if "timeconst" in element.attributes:
         lag = scalar(reading, element, "timeconst")
         dyntype, record = ("filterexact" if lag > 0.0 else "none"), replace(record, lag=lag)
@@ -181,7 +194,7 @@ def _velocity(reading: Reading, element: Element, record: _Record) -> _Record:
 
 def _damper(reading: Reading, element: Element, record: _Record) -> _Record:
     """−kv dℓ/dt u."""
-    kv = scalar(reading, element, "kv", -record.gain[2] if record.kind == "damper" else 0.0)
+    kv = scalar(reading, element, "kv", -record.gain[2] if record.gaintype == "affine" else 0.0)
     return replace(record, gain=(0.0, 0.0, -kv), gaintype="affine", biastype="none", dyntype="none")
 
 

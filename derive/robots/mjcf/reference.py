@@ -92,13 +92,15 @@ def _inverse_mass(reading: Reading, scene: Scene) -> Inverse:
             M[own, there] = force @ S.T
             M[there, own] = M[own, there].T
             carrier = above.get(carrier.parent)
-        M[own, own] += _armature(reading, joint) * np.eye(len(twists[joint.name]))
+        M[own, own] += np.diag(_armatures(reading, joint, len(twists[joint.name])))
     return Inverse(np.asarray(np.linalg.inv(M), dtype=np.float64), starts)
 
 
-def _armature(reading: Reading, joint: Joint) -> float:
-    """What the file says, where the joint of the model has it as a load."""
-    return joint.armature or scalar(reading, joint.place, "armature")
+def _armatures(reading: Reading, joint: Joint, rates: int) -> list[float]:
+    """What the file says, where the joint of the model has it as a load; to the translation of a
+    free joint it is a body."""
+    armature = joint.armature or scalar(reading, joint.place, "armature")
+    return [0.0 if joint.type == "free" and k < 3 else armature for k in range(rates)]
 
 
 def _twists(scene: Scene) -> dict[str, Array]:

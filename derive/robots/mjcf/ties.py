@@ -143,7 +143,8 @@ def _joint(reading: Reading, tie: Element, scene: Scene) -> None:
         if not joints:
             reading.report(tie, "an equality of no joint", '<joint joint1="…" joint2="…">')
         return
-    powers = (listing(reading, tie, "polycoef") or [0.0, 1.0, 0.0, 0.0, 0.0])[:5]
+    powers = (listing(reading, tie, "polycoef") or [])[:5]
+    powers += [0.0, 1.0, 0.0, 0.0, 0.0][len(powers) :]
     (first, y0), *others = [
         (joint, scene.references.get(joint.name, 0.0)) for joint in joints if joint
     ]
@@ -201,7 +202,8 @@ def _tendon(reading: Reading, tie: Element, tendons: dict[str, Transmission], sc
             )
             return
     lengths = [_length(tendons[tie.get(attribute)], scene) for attribute in given]
-    powers = (listing(reading, tie, "polycoef") or [0.0, 1.0, 0.0, 0.0, 0.0])[:5]
+    powers = (listing(reading, tie, "polycoef") or [])[:5]
+    powers += [0.0, 1.0, 0.0, 0.0, 0.0][len(powers) :]
     text = _polynomial(powers, lengths[1]) if lengths[1:] else written(powers[0])
     if lengths:
         scene.robot.constraints.append(

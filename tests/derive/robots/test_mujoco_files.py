@@ -263,6 +263,9 @@ SERVO = """<mujoco><default>{}</default><worldbody><body>
         (PRM, "<velocity/>", "50*a + (-50 d)*der(j)"),
         ('<velocity kv="4"/>', "<general/>", "4*a + (-4 d)*der(j)"),
         ('<velocity kv="4"/>', "<position/>", "a + (-1 k)*j"),
+        (PRM.replace("/>", ' gaintype="affine"/>'), "<velocity/>", "a + (-1 d)*der(j)"),
+        (PRM + '<position kp="9"/>', "<velocity/>", "50*a + (-50 d)*der(j)"),
+        ('<position kp="9"/>' + PRM, "<position/>", "50*a + (-50 k)*j + (-3 d)*der(j)"),
         ('<motor gear="3"/>', '<position kv="3"/>', "3*a + (-9 k)*j + (-27 d)*der(j)"),
         ('<cylinder area="3" bias="1 2 3"/>', '<position kp="2"/>', "2*a + (-2 k)*j"),
         (
@@ -277,6 +280,8 @@ def test_defaults_of_one_kind_of_actuator_for_another(default, own, force, tmp_p
     found = read(tmp_path, SERVO.format(default, "", "", named))
     written = force.replace(" k)", " N*m/rad)").replace(" d)", " N*m*s/rad)")
     assert f"expression: {written}}}" in found.text
+    mixed = "defaults of other kinds" in " ".join(found.assumed)
+    assert mixed == (default.count("<") > 1 and own != "<position/>")
 
 
 @pytest.mark.parametrize(

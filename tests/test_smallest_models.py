@@ -141,3 +141,63 @@ def test_every_function_of_a_free_coordinate_is_built_and_verified(choice, tmp_p
     names = [item.name for item in hamel.list(path).kinds["functions on request"]]
     assert {"jacobian", "derivatives", "jacobian_forward", "step_sensitivity"} <= set(names)
     hamel.build(path, choice=choice, functions=("default", *names), out=str(tmp_path / "m"))
+
+
+SLED = {
+    "model": "m",
+    "plane": "xy",
+    "bodies": {"s": {"mass": 4, "com": [0.2, 0], "inertia": 0.3}},
+    "joints": {"base": {"type": "planar", "parent": "ground", "child": "s"}},
+    "constraints": {"e": {"type": "no_slip", "body": "s", "at": [0, 0], "direction": "y"}},
+    "quasi_velocities": {"tangent": "orthonormal"},
+    "initial": {"base.vx": 1, "base.w": 2},
+}
+
+
+def test_maggi_keeps_the_lengths_of_a_frame_that_is_based_anew(tmp_path):
+    path = written(tmp_path, SLED)
+    assert hamel.verify(path, formulation="maggi").passed
+    ends = [
+        hamel.simulate(path, formulation=formulation, time=3.0).motion["base_x"][-1]
+        for formulation in ("maggi", "quasi_velocities")
+    ]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-6, abs=1e-6)
+
+
+ELLIPSOID = {
+    "model": "m",
+    "bodies": {"s": {"mass": 1, "inertia": 1e-3}},
+    "joints": {
+        "base": {
+            "type": "free",
+            "parent": "ground",
+            "child": "s",
+            "position": ["x", "y", "z"],
+            "orientation": {"euler": "zxy", "angles": ["yaw", "roll", "pitch"]},
+        }
+    },
+    "where": {
+        "nx": "dot(direction(ground, z), direction(s, x))",
+        "ny": "dot(direction(ground, z), direction(s, y))",
+        "nz": "dot(direction(ground, z), direction(s, z))",
+        "r": "sqrt((0.2 m)^2*nx^2 + (0.03 m)^2*ny^2 + (0.02 m)^2*nz^2)",
+    },
+    "constraints": {
+        "touch": {"holonomic": "z - r"},
+        "slipx": {
+            "nonholonomic": "base.vx - base.wy*(0.02 m)^2*nz/r + base.wz*(0.03 m)^2*ny/r",
+        },
+        "slipy": {
+            "nonholonomic": "base.vy - base.wz*(0.2 m)^2*nx/r + base.wx*(0.02 m)^2*nz/r",
+        },
+    },
+    "quasi_velocities": {"body": ["base.wx", "base.wy", "base.wz"]},
+    "initial": {"base.wz": 5, "pitch": 0.01, "guess": {"z": 0.01}},
+}
+
+
+def test_the_page_of_a_rolling_ellipsoid(tmp_path):
+    """Terms over a root that cancel each other, or that another root took."""
+    path = written(tmp_path, ELLIPSOID)
+    hamel.derive(path, out=str(tmp_path / "pages"))
+    assert hamel.verify(path).passed

@@ -55,23 +55,26 @@ def by_reflections(found: Solved) -> bool:
     return any(len(block.rows) > COFACTORS for block in found.blocks)
 
 
-def block_guards(survey: Survey, found: Solved, names: Sequence[str]) -> tuple[Guard, ...]:
+def block_guards(
+    survey: Survey, found: Solved, names: Sequence[str], given: Reduction
+) -> tuple[Guard, ...]:
     """A guard for each pivot that varies with the configuration, its tolerance relative to the
-    largest determinant at the sampled states; `names` are those of the matrix' rows. Pivots that
-    are numbers, or the same at every state, need none."""
+    largest determinant at the sampled states, at the frame of the reduction; `names` are those of
+    the matrix' rows. Pivots that are numbers, or the same at every state, need none."""
     return tuple(
         Guard(
             f"pivot of {', '.join(names[i] for i in block.rows)}",
             ca.SX(x),
-            SINGULAR * (_largest(survey, x) if len(block.rows) > COFACTORS else block.largest),
+            SINGULAR
+            * (_largest(survey, x, given) if len(block.rows) > COFACTORS else block.largest),
         )
         for block, x in zip(found.blocks, found.determinants)
         if block.grade == 2
     )
 
 
-def _largest(survey: Survey, pivot: Scalar) -> float:
-    return float(np.max(np.abs(sampled(survey, ca.SX(pivot)))))
+def _largest(survey: Survey, pivot: Scalar, given: Reduction) -> float:
+    return float(np.max(np.abs(sampled(survey, given.at_frame(ca.SX(pivot))))))
 
 
 def quadratic_guards(

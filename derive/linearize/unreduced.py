@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError
-from derive.linearize.limits import CONSTANT, SAME_ROWS
+from derive.linearize.limits import CONSTANT, NOTHING, SAME_ROWS
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Linear, Steady
 from derive.mechanics.records import System
@@ -226,14 +226,21 @@ def _solved(K: np.ndarray, right: np.ndarray, sizes: Sizes) -> np.ndarray:
     """K⁻¹ right, the least one where rows of A repeat each other; K = [M −Aᵀ; A 0] in the model's
     own units with even rows."""
     nv = len(sizes.v)
-    rows = np.max(np.abs(K[nv:, :nv]) * sizes.v, axis=1, initial=0.0)
-    rows[rows == 0.0] = 1.0
+    rows = _row_sizes(K[nv:, :nv] * sizes.v)
     given = np.append(sizes.power / sizes.v, rows / sizes.time)
     sought = np.append(sizes.v / sizes.time, sizes.power / rows)
     return (
         sought[:, None]
         * np.linalg.lstsq(_by(K, given, sought), right / given[:, None], rcond=None)[0]
     )
+
+
+def _row_sizes(matrix: np.ndarray) -> np.ndarray:
+    """The largest entry of each row; that of the whole where a row is made of rounding, for scaled
+    up it would say something."""
+    rows = np.max(np.abs(matrix), axis=1, initial=0.0)
+    whole = float(np.max(rows, initial=0.0)) or 1.0
+    return np.where(rows > NOTHING * whole, rows, whole)
 
 
 def _compared(
@@ -267,8 +274,7 @@ def constraint_counts(system: System, q: np.ndarray, p: np.ndarray) -> tuple[int
             ).full()
             * columns
         )
-        largest = np.max(np.abs(matrix), axis=1, initial=0.0)
-        even = matrix / np.where(largest > 0.0, largest, 1.0)[:, None]
+        even = matrix / _row_sizes(matrix)[:, None]
         ranks.append(int(np.linalg.matrix_rank(even, tol=SAME_ROWS)) if matrix.size else 0)
     holonomic = ranks[0] - len(system.quaternions)
     return holonomic, ranks[1] - holonomic

@@ -228,7 +228,11 @@ class Ring:
             if self.atoms[k].kind != "root":
                 continue
             divided = {key: x for key, x in poly.items() if dict(key[0]).get(k) == -1}
-            factor, monomial, rest = parted(self.pythagorean(divided))
+            simple = self.pythagorean(divided)
+            if not simple:  # they cancel, or an earlier root took them
+                poly = {key: x for key, x in poly.items() if key not in divided}
+                continue
+            factor, monomial, rest = parted(simple)
             below, inside, same = parted(self.atoms[k].content)
             if rest == same:
                 beside = _merged(tuple((i, -e) for i, e in inside), ((k, 2),))

@@ -15,6 +15,7 @@ import casadi as ca
 
 from derive.choices.explicit import Explicit
 from derive.choices.named import carried_through
+from derive.choices.orthonormal import LENGTH
 from derive.choices.pivots import Solved, block_guards, solved
 from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey
@@ -65,13 +66,15 @@ def _inverted(survey: Survey, reduction: Reduction) -> tuple[ca.SX, Reduction]:
     # Y v̇ = [β; ẇ − Ḃ v], and Y⁻¹ = [R S]
     sigma = ca.mtimes(R, rows.beta) - ca.mtimes(S, turning)
     names = [*rows.names, *reduction.names]
+    # of a frame that is based anew while they tell so
+    lengths = [guard for guard in reduction.guards if guard.name.startswith(LENGTH)]
     return R, replace(
         reduction,
         S=S,
         v=v,
         sigma=ca.substitute(sigma, system.v, v),
         walked=None,
-        guards=block_guards(survey, solution, names),
+        guards=(*lengths, *block_guards(survey, solution, names, reduction)),
         pivots=_in_words(survey, solution, names),
         constant_pivots=all(block.grade < 2 for block in solution.blocks),
     )

@@ -201,3 +201,19 @@ def test_the_page_of_a_rolling_ellipsoid(tmp_path):
     path = written(tmp_path, ELLIPSOID)
     hamel.derive(path, out=str(tmp_path / "pages"))
     assert hamel.verify(path).passed
+
+
+def test_bodies_may_be_called_like_functions_of_bodies(tmp_path):
+    path = written(
+        tmp_path,
+        SLIDER
+        | {
+            "bodies": {"cross": {"mass": 1}, "norm": {"mass": 1, "inertia": 1}},
+            "joints": {
+                "C": {"type": "prismatic", "parent": "ground", "child": "cross", "axis": "x"},
+                "D": {"type": "revolute", "parent": "cross", "child": "norm", "axis": "z"},
+            },
+            "outputs": {"d": "norm(position(norm, [1 m, 0, 0], cross))"},
+        },
+    )
+    hamel.simulate(path, time=0.1)

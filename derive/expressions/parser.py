@@ -36,7 +36,7 @@ from derive.expressions.limits import (
 )
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
-from derive.expressions.units import UNITS, Factor, Unit, compound
+from derive.expressions.units import PREFIXES, SI, UNITS, Factor, Unit, compound
 
 NESTING = 60  # brackets, calls and exponents inside each other
 HEIGHT = 120  # levels of the finished tree: everything downstream may recurse over it
@@ -52,7 +52,18 @@ _TOKEN = re.compile(
 
 
 # Characters of set type, and how formulas write them.
-TYPESET = {"°": "deg", "·": "*", "×": "*", "²": "^2", "³": "^3", "−": "-", "÷": "/", "√": "sqrt(…)"}
+TYPESET = {
+    "°": "deg",
+    "µ": "u",
+    "μ": "u",
+    "·": "*",
+    "×": "*",
+    "²": "^2",
+    "³": "^3",
+    "−": "-",
+    "÷": "/",
+    "√": "sqrt(…)",
+}
 
 
 class _Token(NamedTuple):
@@ -131,6 +142,7 @@ class _Parser:
                 f"a formula of {len(text)} characters", expected=f"at most {LONGEST}"
             )
         self.depth = 0
+        self.about = 0  # functions of bodies that the place is inside of
         self.token = self._read(0)
 
     def sum(self) -> Expression:
@@ -352,14 +364,16 @@ class _Parser:
                 token.at,
                 "an operator, such as 2*x",
             )
-        split = _split_unit(token.text)
+        split, number = _split_unit(token.text), _prefixed(token.text)
         hint = f"did you mean '{split}'?" if split else did_you_mean(token.text, UNITS)
+        hint = f"that is {number}" if number and not split else hint
         self._refuse(f"unknown unit '{token.text}'", token.at, listed(UNITS, 8), hint)
 
     def _named(self) -> Expression:
         token = self.take()
         if self.token.text != "(":
-            own = token.text in self.names and token.text in KINEMATIC_FUNCTIONS
+            # bodies may be called so, and stand between the brackets of such a function
+            own = token.text in KINEMATIC_FUNCTIONS and (self.about or token.text in self.names)
             if not own and (token.text in self.functions or token.text == "der"):
                 self._refuse(
                     f"the function '{token.text}' has no argument", token.at, f"{token.text}(…)"
@@ -421,7 +435,10 @@ class _Parser:
         return tree.Call("der", tuple(self._bracketed(")")), token.at)
 
     def _call(self, token: _Token) -> tree.Call:
+        kinematic = token.text in KINEMATIC_FUNCTIONS
+        self.about += kinematic
         arguments = self._bracketed(")", many=True)
+        self.about -= kinematic
         least, most = self.functions[token.text].arity
         if not least <= len(arguments) <= most:
             wanted = str(least) if least == most else f"{least} to {most}"
@@ -546,11 +563,20 @@ def _finite(token: _Token, text: str) -> float:
 
 
 def _split_unit(text: str) -> str:
-    """`Nm` → `N*m`: two symbols run together."""
-    for cut in range(1, len(text)):
-        if text[:cut] in UNITS and text[cut:] in UNITS:
-            return f"{text[:cut]}*{text[cut:]}"
-    return ""
+    """`Nm` → `N*m`: two or three symbols run together, if possible without a prefix."""
+    splits = [
+        (text[:i], *filter(None, (text[i:k], text[k:])))
+        for i in range(1, len(text))
+        for k in range(i + 1, len(text) + 1)
+    ]
+    known = [parts for parts in splits if all(part in UNITS for part in parts)]
+    return "*".join(min(known, key=lambda parts: sum(part not in SI for part in parts), default=""))
+
+
+def _prefixed(text: str) -> str:
+    """`pN` as `1e-12 N`: a prefix that no unit of the table has."""
+    power = PREFIXES.get(text[:1])
+    return f"{power:g} {text[1:]}" if power and text[1:] in (*SI, "g") else ""
 
 
 def _check_height(expression: Expression, text: str) -> None:

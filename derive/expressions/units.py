@@ -77,18 +77,18 @@ _OTHER: dict[str, tuple[float, dict[str, int]]] = {
     "bar": (1e5, {"Pa": 1}),
 }
 _PREFIXED = {
-    "km cm mm um": "m",
-    "mg": "g",
-    "ms us": "s",
+    "km cm mm um nm": "m",
+    "mg ug ng pg": "g",
+    "ms us ns": "s",
     "mrad": "rad",
-    "kN MN mN": "N",
+    "kN MN mN uN nN": "N",
     "kJ MJ mJ": "J",
     "kW MW mW": "W",
     "kPa MPa GPa": "Pa",
     "kHz MHz": "Hz",
-    "mA kV mV kohm mH uF nF": "",
+    "mA kV mV kohm mH uF nF pF": "",
 }
-_PREFIXES = {"G": 1e9, "M": 1e6, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
+PREFIXES = {"G": 1e9, "M": 1e6, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9, "p": 1e-12}
 
 
 def _table() -> dict[str, tuple[float, dict[str, int]]]:
@@ -96,11 +96,12 @@ def _table() -> dict[str, tuple[float, dict[str, int]]]:
     for symbols in _PREFIXED:
         for symbol in symbols.split():
             factor, parts = table[symbol[1:]]
-            table[symbol] = (_PREFIXES[symbol[0]] * factor, parts)
+            table[symbol] = (PREFIXES[symbol[0]] * factor, parts)
     return table
 
 
 UNITS = _table()
+SI = frozenset(_SI)
 
 
 def compound(parts: Iterable[Factor]) -> Unit:

@@ -63,4 +63,4 @@ DEPENDENT = 1e-6
 
 # unreduced
 CONSTANT = 1e-8  # relative rate below which a velocity is constant along the motion
-NOTHING = 1e-14  # of the largest row: what rounding leaves of one that says nothing
+ROUNDED = 1e-14  # of the largest row: what rounding leaves of one that says nothing

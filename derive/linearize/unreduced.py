@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError
-from derive.linearize.limits import CONSTANT, NOTHING, SAME_ROWS
+from derive.linearize.limits import CONSTANT, ROUNDED, SAME_ROWS
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Linear, Steady
 from derive.mechanics.records import System
@@ -240,7 +240,7 @@ def _row_sizes(matrix: np.ndarray) -> np.ndarray:
     up it would say something."""
     rows = np.max(np.abs(matrix), axis=1, initial=0.0)
     whole = float(np.max(rows, initial=0.0)) or 1.0
-    return np.where(rows > NOTHING * whole, rows, whole)
+    return np.where(rows > ROUNDED * whole, rows, whole)
 
 
 def _compared(

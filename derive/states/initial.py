@@ -186,6 +186,9 @@ def _off(system: System, p: np.ndarray, start: np.ndarray, t: float) -> ModelErr
         system,
         f"no configuration near the initial values satisfies the constraints ({row} is off by "
         f"{phi[worst]:.3g})",
+        "initial values, or values under `guess:`, nearer to one; or lengths and constraints that "
+        "can be met together",
+        row,
     )
 
 
@@ -207,7 +210,9 @@ def _velocities(
         ("the rates of the coordinates", (N,)),
     ):
         if not all(np.isfinite(_entries(value)).all() for value in values):
-            raise _problem(system, f"{what} are not finite at the initial position")
+            raise _problem(
+                system, f"{what} are not finite at the initial position", "another position"
+            )
     known = _known(system, N, speeds)
     names = [name for name in given if name in known.places]
     rows, values = _chosen(known, given, [name for name in names if name in held])
@@ -219,10 +224,14 @@ def _velocities(
     v: np.ndarray = wanted + shortest(A, c - A @ wanted)
     residual = float(np.max(np.abs(A @ v - c), initial=0.0))
     if residual > AGREES * (1 + float(np.max(np.abs(v), initial=0.0))):
+        off = np.abs(A @ v - c)
+        names = [row.name for row, x in zip(system.rows, off) if x > residual / 2.0]
         raise _problem(
             system,
-            "no velocities satisfy the constraints at the initial position (residual "
-            f"{residual:.3g})",
+            "no velocities satisfy the constraints at the initial position: "
+            f"{' and '.join(names[:4])} are off by {residual:.3g}",
+            "constraints that ask for speeds which go together, or another position",
+            names[0],
         )
     return v
 
@@ -265,8 +274,9 @@ def _chosen(
     return known.rows[places], values
 
 
-def _problem(system: System, message: str) -> ModelError:
+def _problem(system: System, message: str, advice: str, row: str = "") -> ModelError:
+    """At the initial values; where there are none, at the constraint of the row."""
     model = system.model
-    span = model.initial[0].span if model.initial else Span(0, 0)
-    advice = "initial values that can be met; free some of them by moving them under `guess:`"
-    return ModelError(model.diagnostic(span, message, advice))
+    spans = [x.span for x in model.initial[:1]]
+    spans += [x.span for x in (*model.constraints, *model.closures) if x.name == row.split(".")[0]]
+    return ModelError(model.diagnostic(spans[0] if spans else Span(0, 0), message, advice))

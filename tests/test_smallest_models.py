@@ -8,7 +8,7 @@ import casadi as ca
 import pytest
 
 import hamel
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, ModelError
 
 SLIDER = {
     "model": "m",
@@ -217,3 +217,33 @@ def test_bodies_may_be_called_like_functions_of_bodies(tmp_path):
         },
     )
     hamel.simulate(path, time=0.1)
+
+
+DRIVEN = {
+    "model": "m",
+    "bodies": {"c": {"mass": 1}},
+    "joints": SLIDER["joints"],
+    "constraints": {"drive": {"type": "prescribed", "joint": "C", "motion": "(1 m/s^2)*t^2"}},
+    "outputs": {"force": "reaction(drive)"},
+}
+
+
+def test_outputs_that_are_reactions_are_told_as_such(tmp_path):
+    path = written(tmp_path, DRIVEN)
+    for kept in ("highest(force)", "reaction.drive"):
+        with pytest.raises(ModelError, match="is a reaction, and sweeps compute none"):
+            hamel.sweep(path, vary={"C": [0.0, 1.0]}, keep=[kept], time=0.1)
+    event = written(tmp_path, DRIVEN | {"events": {"e": {"formula": "force - (1 N)"}}})
+    with pytest.raises(ModelError, match="'force' is a reaction and cannot stand in an event"):
+        hamel.check(event)
+
+
+def test_constraints_that_disagree_are_named_where_they_stand(tmp_path):
+    twice = {"type": "prescribed", "joint": "C", "motion": "(3 m/s)*t"}
+    other = twice | {"motion": "(2 m/s)*t"}
+    path = written(tmp_path, SLIDER | {"constraints": {"one": twice, "two": other}})
+    with pytest.raises(ModelError) as found:
+        hamel.check(path)
+    text = str(found.value)
+    assert "one and two are off by 0.5" in text and '"one": {' in text
+    assert "initial values" not in text

@@ -8,8 +8,8 @@ from derive.expressions.tree import Call
 from derive.model.document import Key, Scalar
 from derive.model.reader import UNREAD, Reader
 from derive.model.records import Event, Output
-from derive.model.rows import components
-from derive.model.scope import ANYTHING, VELOCITY, Scope, Symbol
+from derive.model.rows import components, is_reaction
+from derive.model.scope import ANYTHING, REACTION, VELOCITY, Scope, Symbol
 from derive.model.shape import Document
 from derive.model.study_entries import EventEntry
 
@@ -42,11 +42,14 @@ def _event(reader: Reader, key: Key, entry: Scalar | EventEntry) -> Event:
 
 
 def _with_outputs(reader: Reader, outputs: tuple[Output, ...]) -> Scope:
-    """The scope with the names of outputs that are numbers."""
+    """The scope with the names of outputs that are numbers, and of those that are reactions to say
+    so."""
     inner = Scope(aliases=dict(reader.scope.aliases))
     for name, symbol in reader.scope.symbols.items():
         inner.put(name, symbol)
     for output in outputs:
+        if is_reaction(output.expression):
+            inner.add(output.name, Symbol(frozenset({REACTION}), None))
         for name in components(output.name, output.expression, reader.space.letters):
             dimension = unit(output.unit).dimension if output.unit else unit("1").dimension
             if not isinstance(output.expression, Call) and output.expression is not UNREAD:

@@ -41,9 +41,14 @@ def rolling_parts(plane: str) -> tuple[str, ...]:
     return ("normal", "forward") if plane else ("normal", "forward", "sideways")
 
 
+def is_reaction(formula: Expression) -> bool:
+    """Whether an output is the reaction of a closure or a constraint."""
+    return isinstance(formula, Call) and formula.function == "reaction"
+
+
 def components(name: str, formula: Expression, letters: str) -> list[str]:
     """What the entries of an output are called in formulas; none of reactions."""
     function = formula.function if isinstance(formula, Call) else ""
     if function in ("position", "velocity"):
         return [f"{name}.{letter}" for letter in letters]
-    return [] if function == "reaction" else [name]
+    return [] if is_reaction(formula) else [name]

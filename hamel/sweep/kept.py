@@ -31,6 +31,7 @@ COUNTED = {  # what a motion says of itself, with its unit
     "violation": "",
 }
 OF_MODES = {"growth": "1/s", "frequency": "rad/s"}  # of the eigenvalue with the largest real part
+SINGLE = "`simulate -o FILE.csv` has the reactions of one motion"
 _LABEL = re.compile(r"\s*([A-Za-z_]\w*)\s*=(.*)", re.DOTALL)
 _CALL = re.compile(r"\s*([A-Za-z_]\w*)\s*\((.*)\)\s*", re.DOTALL)
 
@@ -61,6 +62,7 @@ class Names:
     states: tuple[str, ...]
     energies: tuple[str, ...]
     events: tuple[str, ...]
+    reactions: tuple[str, ...] = ()  # outputs that are some
 
 
 def kept(texts: Collection[str], names: Names) -> tuple[Kept, ...]:
@@ -130,6 +132,10 @@ def _formula(text: str, names: Names, how: str) -> Kept:
         parsed = expression(text, names.units)
         for node in tree.walk(parsed):
             name = _name(node)
+            if name in names.reactions or (name or "").startswith("reaction."):
+                raise FormulaError(
+                    f"'{name}' is a reaction, and sweeps compute none", text, node.at, "", SINGLE
+                )
             if name is not None and name not in names.units:
                 known = [*names.units, *COUNTED, *OF_MODES]
                 near = did_you_mean(name, known)

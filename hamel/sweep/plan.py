@@ -20,7 +20,7 @@ from derive.formulations.frames import based
 from derive.linearize.steady import motion_of
 from derive.mechanics.records import System
 from derive.model.records import Model
-from derive.model.rows import components
+from derive.model.rows import components, is_reaction
 from derive.robots.reading import load
 from derive.states.many import least_of_bodies, starter
 from hamel.build.assurance import assure
@@ -172,7 +172,9 @@ def _names(system: System) -> Names:
     every = {**known, **outputs, **energies, "t": "s"}
     moving = (*model.coordinates, *model.velocities, *model.states)
     states = tuple(item.name for item in moving)
-    return Names(every, states, ("T", "V"), tuple(event.name for event in model.events))
+    reactions = tuple(x.name for x in model.outputs if is_reaction(x.expression))
+    events = tuple(event.name for event in model.events)
+    return Names(every, states, ("T", "V"), events, reactions)
 
 
 def _values(path: str | PathLike[str], system: System, asked: Asked, of_modes: bool) -> Any:

@@ -51,7 +51,25 @@ def _bodies(reading: Reading, tie: Element, scene: Scene) -> tuple[str, str] | N
             tie, f"a <{tie.tag}> of '{first}' with itself", "two bodies", attribute="body2"
         )
         return None
-    return scene.bodies[first], scene.bodies[second]
+    pair = scene.bodies[first], scene.bodies[second]
+    return None if _are_one(tie, pair, scene) else pair
+
+
+def _are_one(tie: Element, pair: tuple[str, str], scene: Scene) -> bool:
+    """Whether the bodies do not move against each other in any case; said, for then the tie does
+    nothing."""
+    above = {joint.child: joint for joint in scene.robot.joints if joint.type == "fixed"}
+
+    def piece(name: str) -> str:
+        while name in above:
+            name = above[name].parent
+        return name
+
+    one = piece(pair[0]) == piece(pair[1])
+    if one:
+        said = f"the <{tie.tag}> {quoted(tie.get('name'))} of bodies that are one: left out"
+        scene.robot.changed.append(said)
+    return one
 
 
 def _sites(
@@ -62,7 +80,8 @@ def _sites(
         if tie.get(attribute) not in scene.sites:
             reading.unknown(tie, attribute, "site", list(scene.sites))
             return None
-    return scene.sites[tie.get("site1")], scene.sites[tie.get("site2")]
+    first, second = scene.sites[tie.get("site1")], scene.sites[tie.get("site2")]
+    return None if _are_one(tie, (first[0], second[0]), scene) else (first, second)
 
 
 def _ground_frame(scene: Scene, body: str, point: Frame) -> Frame:

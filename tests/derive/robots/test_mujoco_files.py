@@ -382,3 +382,14 @@ def test_what_only_ends_a_motion_or_a_force_is_said(tmp_path):
     assert "limits:" not in found.text
     assert "LEFT OUT: of tendons, the ranges of 't'" in found.text
     assert "LEFT OUT: the ranges of the forces of actuators at j" in found.text
+
+
+def test_ties_of_bodies_that_are_one_do_nothing(tmp_path):
+    """A weld of two bodies on one rigid piece, turned so that its rows are made of rounding."""
+    text = """<mujoco><worldbody><body name="a"><joint axis="1 2 3"/><geom size="0.1" pos="1 0 0"/>
+      <site name="s" euler="10 20 30"/><body name="b" pos="0.1 0.2 0.3" euler="20 30 40">
+      <geom size="0.2"/><site name="r"/></body></body></worldbody><equality>{}</equality></mujoco>"""
+    ties = '<weld body1="a" body2="b"/><connect site1="s" site2="r"/><connect body1="b" body2="a" anchor="1 0 0"/>'
+    found = read(tmp_path, text.format(ties))
+    assert not found.model.closures
+    assert sum("of bodies that are one" in note for note in found.changed) == 3

@@ -1,7 +1,7 @@
 """MJCF files as users have them: copies, damping by ratios, welds without torques, and what is said
 of the rest. Ratios against the mass matrix that is derived of the model they stand in.
 
-Of derive.robots.mjcf: reference, replicas, actuators, ties.
+Of derive.robots.mjcf: reference, replicas, laws, actuators, ties.
 """
 
 from __future__ import annotations

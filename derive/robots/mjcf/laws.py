@@ -15,12 +15,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from derive.robots.markup import Element
-from derive.robots.mjcf.settings import ACTUATORS, Settings
+from derive.robots.mjcf.settings import Settings
 from derive.robots.numbers import listing, scalar, written
 from derive.robots.robot import Reading
 
 Three = tuple[float, float, float]
-OWN = ("muscle", "adhesion")  # kinds with a law that no file writes out
 GENERAL = "general"
 TYPES = {
     "gaintype": ("fixed", "affine"),
@@ -223,4 +222,3 @@ _WRITERS: dict[str, Callable[[Reading, Element, _Record], _Record]] = {
     "intvelocity": _intvelocity,
     "cylinder": _cylinder,
 }
-assert {*_WRITERS, *OWN} == {*ACTUATORS}

@@ -24,14 +24,15 @@ MOST_RATES = 3_000  # of which a mass matrix is inverted
 def felt_inertia(
     reading: Reading, place: Element, along: Sequence[tuple[Joint, float]], scene: Scene
 ) -> float:
-    """What a force along Σ cᵢ qᵢ of hinges and slides has to accelerate, 1/(c M⁻¹ cᵀ); 1 after
-    reporting that M has no inverse."""
+    """What a force along Σ cᵢ qᵢ of hinges and slides has to accelerate, 1/(c M⁻¹ cᵀ) in kg or
+    kg m²; 0 where it moves nothing, all c being zero, and after reporting that M has no inverse."""
     inverse = _inverse(reading, place, scene)
     if not inverse.starts:
-        return 1.0
+        return 0.0
     places = [inverse.starts[joint.name] for joint, _ in along]
     c = np.array([factor for _, factor in along])
-    return 1.0 / float(c @ inverse.matrix[np.ix_(places, places)] @ c)
+    mobility = float(c @ inverse.matrix[np.ix_(places, places)] @ c)
+    return 1.0 / mobility if mobility > 0.0 else 0.0
 
 
 def springs_by_time(reading: Reading, scene: Scene) -> None:

@@ -59,9 +59,9 @@ def _replaced(
     if count < 1 or count != int(count):
         reading.report(child, "a replicate without a count", '<replicate count="2">')
         return []
+    _spend(budget, child, int(count), child.walk())
     suffixes = [f"{child.get('sep')}{k:0{len(str(int(count)))}d}" for k in range(int(count))]
     names = _names(child)
-    _spend(budget, child, len(suffixes), child.walk())
     poses = _poses(reading, child, len(suffixes), found)
     copies = [Element("frame", pose, child.file, child.at) for pose in poses]
     for copy, suffix in zip(copies, suffixes):

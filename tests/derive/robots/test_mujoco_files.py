@@ -172,6 +172,7 @@ def test_copies_of_copies_have_the_inner_number_first(tmp_path):
         ("0", "a replicate without a count"),
         ("2.5", "a replicate without a count"),
         ("999999", "so many copies are too large a file"),
+        ("1e15", "so many copies are too large a file"),  # nothing of that length is made
     ],
 )
 def test_copies_are_bounded(count, why, tmp_path):
@@ -309,6 +310,16 @@ def test_rotors_and_dampers_of_actuators(tmp_path):
         read(tmp_path, WELDED.format("").replace("<equality>", AT_SITE))
     with pytest.raises(ModelError, match="damping with the square"):
         read(tmp_path, SERVO.format("", "", "", motor.replace('"2"', '"2 1 0"')))
+
+
+def test_a_ratio_of_a_force_that_moves_nothing(tmp_path):
+    for servo in ('<position joint="j" dampratio="1" gear="0"/>', TENDON_SERVO):
+        tendon = '<tendon><fixed name="t"><joint joint="j" coef="0"/></fixed></tendon><actuator>'
+        text = SERVO.format("", "", "", servo).replace("<actuator>", tendon)
+        assert "der(j)" not in read(tmp_path, text).text
+
+
+TENDON_SERVO = '<position tendon="t" kp="2" dampratio="0.5"/>'
 
 
 def test_damping_of_an_actuator_along_a_tendon_comes_to_that_of_its_ratio(tmp_path):

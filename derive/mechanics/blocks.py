@@ -32,7 +32,7 @@ def _closure(scene: Scene, closure: Closure) -> Block:
     φ = b · a with a, b fixed in the first and second body; never 1 − cos, whose gradient vanishes
     at the solution.
     """
-    parts = CLOSING_OF[closure.type](scene, closure)
+    parts = CLOSING_OF[closure.type](scene.between(closure.bodies), closure)
     rest = tuple(row for part in parts[1:] for row in part.ways[0])
     rows = tuple(row for part in numbered(parts) for row in part.rows)
     return Block(

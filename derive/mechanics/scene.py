@@ -3,6 +3,7 @@ rows."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -63,6 +64,15 @@ class Scene:
         given = {f.name for f in fields(self)}
         vars(made).update({name: x for name, x in vars(self).items() if name not in given})
         return made
+
+    def between(self, bodies: Sequence[str]) -> Scene:
+        """As a constraint between these bodies sees it: where they are one rigid piece that piece
+        stands still, for what it does is not between them and would leave rounding."""
+        where = {body: self.places[body] for body in bodies}
+        if len({place.link for place in where.values()}) > 1:
+            return self
+        resting = {body: replace(place, link=-1) for body, place in where.items()}
+        return replace(self, places=self.places | resting)
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """d/dt of a function of t and q: ∂/∂t + ∂/∂q N v."""

@@ -29,6 +29,7 @@ MOST_BODIES = 20_000  # reading them takes some tens of seconds, building them m
 MOST_VALUES = 1_000_000  # 20,000 links of a robot have about 800,000
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _BRACED = re.compile(r"\w\{")  # of a name with an index, such as link{i}
 _PLAIN_TAGS = {None, "!"} | {
     f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "map", "seq")
@@ -204,7 +205,9 @@ def described(node: Any) -> str:
         return "a list"
     if isinstance(node, Entries):
         return "a mapping"
-    return "nothing" if isinstance(node, Scalar) and node.plain and not node.text else "text"
+    if not isinstance(node, Scalar) or not node.plain:
+        return "text"
+    return "a number" if _NUMBER.fullmatch(node.text) else "text" if node.text else "nothing"
 
 
 def _opening(span: Span) -> Span:
@@ -226,15 +229,17 @@ def _refuse_yaml(source: Source, error: yaml.MarkedYAMLError) -> NoReturn:
     source.refuse(
         span,
         f"not valid YAML: {error.problem or error.context}{since}",
-        _yaml_advice(error.problem or "", text),
+        _yaml_advice(error.problem or "", error.context or "", text),
     )
 
 
-def _yaml_advice(problem: str, line: str) -> str:
+def _yaml_advice(problem: str, context: str, line: str) -> str:
     if "mapping values are not allowed" in problem:
         return "quotes around a text that holds ': '"
     if _BRACED.search(line):
         return "',' or '}'; inside { } and [ ], quotes around a name such as \"link{i}\""
+    if "while scanning a quoted scalar" in context:
+        return "a quote at the end of the text, of the kind it starts with"
     if "cannot start any token" in problem:
         return "quotes around a text that starts with such a character"
     return "',' or '}'" if "',' or '}'" in problem else ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from derive.diagnostics import did_you_mean, listed
@@ -29,6 +31,11 @@ ANYTHING = MOTION | {INPUT, STATE}
 NONIDEAL = ANYTHING | {REACTION}
 
 
+# how others write the rate of a coordinate: q_dot, qdot, q_d, dq, dq_dt, Dq, d_q, dot_q, and qd1
+_RATE = re.compile(r"(?:dot_?|[dD]_?)(?P<after>\w+?)(?:_?dt)?|(?P<before>\w+?)_?(?:dot|d)")
+_INSIDE = re.compile(r"(?P<stem>[a-z]+)(?:dot|d)(?P<number>_?\d+)")
+
+
 @dataclass(frozen=True)
 class Symbol:
     """`kinds` is what the name is, or, for a definition, what its formula uses; `because` names one
@@ -39,6 +46,14 @@ class Symbol:
     degree: Degree = FREE
     because: tuple[tuple[str, str], ...] = ()
     unit: str = ""
+
+
+def rate_meant(name: str, usable: Sequence[str]) -> str:
+    """Which der(q) a name may stand for, as a question; nothing where there is none."""
+    guesses = [x["after"] or x["before"] for x in [_RATE.fullmatch(name)] if x]
+    guesses += [x["stem"] + x["number"] for x in [_INSIDE.fullmatch(name)] if x]
+    found = next((rate for q in guesses if (rate := f"der({q})") in usable), "")
+    return f"did you mean '{found}'?" if found else ""
 
 
 @dataclass
@@ -124,14 +139,10 @@ class Scope:
         name = f"der({self.aliases[node.name]})" if node.name in self.aliases else node.name
         if name not in self.symbols:
             self._check_rows(node, text)
-            known = [known for known in self.names(allowed) if "(" not in known]
-            raise FormulaError(
-                f"unknown name '{node.name}'",
-                text,
-                node.at,
-                listed(known),
-                did_you_mean(node.name, known),
-            )
+            usable = self.names(allowed)
+            known = [known for known in usable if "(" not in known]
+            hint = rate_meant(node.name, usable) or did_you_mean(node.name, known)
+            raise FormulaError(f"unknown name '{node.name}'", text, node.at, listed(known), hint)
         self._check_kind(node.name, self.symbols[name], node.at, allowed, where, text)
 
     def _check_rows(self, node: tree.Name, text: str) -> None:

@@ -68,9 +68,10 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
             "points in [ ], as in [[…], […]]",
         )
     else:
-        yield source.diagnostic(
-            place.span, _instead(key, place), _EXPECTED.get(kind, str(details["msg"]))
-        )
+        expected = _EXPECTED.get(kind, str(details["msg"]))
+        if kind == "not_a_list" and key == "gravity":
+            expected += " of its components: [0, 0, -9.81], or [0, -9.81] in a plane"
+        yield source.diagnostic(place.span, _instead(key, place), expected)
 
 
 _EXPECTED: dict[str, str] = {

@@ -59,7 +59,9 @@ def check_method(method: Method) -> None:
         if own is None:
             raise ModelError(f"{method.integrator} chooses its own steps: leave the step size out")
     elif own is not None and not own.adaptive:
-        raise ModelError(f"{method.integrator} has no step control: give it a step size")
+        raise ModelError(
+            f"{method.integrator} has no step control: give it a step size (--step-size)"
+        )
 
 
 def _check_integrator(method: Method) -> None:

@@ -16,8 +16,9 @@ from derive.model.constraint_records import Distance
 def distance(scene: Scene, constraint: Distance) -> Block:
     """φ = |p₂ − p₁| − length, in m. The distance and not its square: φ is a length then, but
     singular where the ends meet, which a rod of positive length excludes."""
+    seen = scene.between(constraint.bodies)
     ends = [
-        on_ground(scene, body, point) for body, point in zip(constraint.bodies, constraint.points)
+        on_ground(seen, body, point) for body, point in zip(constraint.bodies, constraint.points)
     ]
     gap = ends[1] - ends[0]
     length = scene.symbols.scalar(constraint.length)

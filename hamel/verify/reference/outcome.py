@@ -41,7 +41,7 @@ from hamel.verify.reference.loads import (
 )
 from hamel.verify.reference.measures import values
 from hamel.verify.reference.rows import RowsOf, constraint_rows, joint_blocks
-from hamel.verify.reference.saddle import least_eigenvalue, rank_of, saddle, solved
+from hamel.verify.reference.saddle import least_eigenvalue, left_over, rank_of, saddle, solved
 from hamel.verify.reference.states import STILL, State, state
 from hamel.verify.reference.stores import charging, stored
 from hamel.verify.reference.vectors import Array
@@ -215,9 +215,9 @@ def kinematics(ref: Reference, s: State) -> Kinematics:
         J[here], drift[here] = solution[:, :nv], solution[:, nv]
     rows = ref.constraints(s)
     over_v, over_twists = rows.coefficients[:, :nv], rows.coefficients[:, nv:]
-    return Kinematics(
-        s.N, J, drift, over_v + over_twists @ J, rows.c, rows.gamma - over_twists @ drift, rows.phi
-    )
+    A, summed = over_v + over_twists @ J, np.abs(over_v) + np.abs(over_twists) @ np.abs(J)
+    A[left_over(A, summed)] = 0.0  # what a piece that is rigid by its joints does not forbid again
+    return Kinematics(s.N, J, drift, A, rows.c, rows.gamma - over_twists @ drift, rows.phi)
 
 
 def energies(ref: Reference, s: State) -> Energies:

@@ -10,13 +10,16 @@ from hamel.verify.reference.vectors import Array
 SWEEPS = 20  # each halves the decades between them
 RANK = 1e-9  # singular values below this times the largest (rows scaled to like size) count as zero
 
-LEFT_OVER = 1e-14  # of the longest row: a shorter one is rounding
+# of the longest row, or of what a row is the sum of: a shorter one is rounding
+LEFT_OVER = 1e-14
 
 
-def left_over(G: Array) -> Array:
-    """Which rows are what rounding has left of zeros: no scaling may bring them up."""
+def left_over(G: Array, summed: Array | None = None) -> Array:
+    """Which rows are what rounding has left of zeros: no scaling may bring them up. They are short
+    against the longest row, or against what they are the sum of where that is known."""
     lengths = np.linalg.norm(G, axis=1)
-    return np.asarray(lengths <= LEFT_OVER * lengths.max(initial=0.0))
+    sizes = lengths.max(initial=0.0) if summed is None else np.linalg.norm(summed, axis=1)
+    return np.asarray(lengths <= LEFT_OVER * sizes)
 
 
 def saddle(K: Array, G: Array) -> Array:

@@ -6,6 +6,7 @@ Of derive.choices: redundancy.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -15,6 +16,7 @@ from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.formulations.equations import misfits
 from derive.formulations.records import Equations
+from derive.mechanics.closures import CLOSINGS
 from derive.model import load_text
 from derive.states import system
 from derive.states.sampling import States, states
@@ -211,3 +213,41 @@ def test_check_says_it(tmp_path) -> None:
     file = tmp_path / "twice.yaml"
     file.write_text(TWICE)
     assert list(check.run(file).assumptions) == TOLD["twice"]
+
+
+SEAT = "{position: [0.3, 0.1, 0.2], rpy: [0.31, 0.7, -0.4]}"
+WELDED = """\
+model: welded
+bodies: {a: {mass: 2, inertia: [0.1, 0.2, 0.15]}, b: {mass: 1, inertia: [0.1, 0.1, 0.1]}}
+joints:
+  h: {type: revolute, parent: ground, child: a, axis: [0.3, 0.5, 0.8], coordinate: th}
+  f: {type: fixed, parent: a, child: b, at: {parent: SEAT}}
+closures:
+  c: {between: [a, b], at: [SEAT, [0, 0, 0]], KIND}
+  d: {between: [a, b], at: [SEAT, [0, 0, 0]], type: revolute, axis: z}
+constraints:
+  e: {type: distance, between: [a, b], at: [[0, 0, 0], [0, 0, 0]], length: 0.3741657386773941}
+"""
+KINDS = {closing.name: f"type: {closing.name}, axis: x" for closing in CLOSINGS} | {
+    "ball": "type: ball",
+    "fixed": "type: fixed",
+    "universal": "type: universal, axis: x, axis2: y",
+    "screw": "type: screw, axis: x, pitch: 1e-3",
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_joints_have_made_rigid_is_not_tied_again_by_rounding(kind: str) -> None:
+    model = load_text(WELDED.replace("SEAT", SEAT).replace("KIND", KINDS[kind]))
+    welded = system(model)
+    assert welded.A.nnz() == 0 and not ca.depends_on(welded.phi, welded.q)
+    judge = reference(model)
+    outcome = evaluate(judge, state_of(judge, 0.0, [0.7], [1.3]))
+    assert outcome.rank == 0 and not outcome.kinematics.A.any()
+
+
+def test_a_weld_beside_the_first_is_told_by_what_it_is_off(tmp_path: Path) -> None:
+    text = WELDED.replace("SEAT", SEAT, 1).replace("SEAT", SEAT.replace("0.3,", "0.31,"))
+    (tmp_path / "m.yaml").write_text(text.replace("KIND", KINDS["ball"]))
+    with pytest.raises(ModelError, match=r"c.\w is off by"):
+        check.run(tmp_path / "m.yaml")

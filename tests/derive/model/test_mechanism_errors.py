@@ -324,14 +324,14 @@ ERRORS = [
     (
         "side_kind",
         joint("type: revolute, axis: z, at: {parent: «5}"),
-        "text under 'parent'",
+        "a number under 'parent'",
         "a point [ ]",
         "",
     ),
     (
         "place_kind",
         joint("type: revolute, axis: z, at: «5"),
-        "text under 'at'",
+        "a number under 'at'",
         "a point [ ], two of them, or a mapping",
         "",
     ),

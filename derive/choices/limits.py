@@ -46,6 +46,9 @@ RESOLUTION_MANY = 5  # times as many states where a look at pivots is all there 
 MOST_SUBSETS = 60  # more partitions than this are not enumerated: the greedy one stands for them
 MOST_WAYS = 16  # combinations of the ways to write constraint rows that are tried
 TELLING = 100  # of more rows only so many tell which way of writing them is the shortest
+# decades between the eigenvalues of Sᵀ M S, scaled, which any choice may have: digits of v̇ are lost
+HEAVY = 4.0
+LIGHT = 2.0  # decades more that are a reason to prefer another choice
 FINALISTS = 5  # the best by pivots and condition, for which the equations are formed and counted
 RANK = 1e-9  # singular values of rows of length one below this are zero
 # of large systems fewer states are looked at: about so many velocities, at least so many states

@@ -1,9 +1,9 @@
 """Which quasi-velocities: the user's rows, an orthonormal basis, or the best partition of the
 generalized velocities.
 
-`auto` ranks candidates by three criteria, in this order: pivots that are numbers or parameters
-alone (they can never vanish), the conditioning of [A; B] over sampled consistent states, and the
-operations of ẋ.
+`auto` ranks candidates by four criteria, in this order: pivots that are numbers or parameters
+alone (they can never vanish), light bodies that are not told by heavy ones, the conditioning of
+[A; B] over sampled consistent states, and the operations of ẋ.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import comb, log10
+from math import ceil, comb, log10
 
 import casadi as ca
 import numpy as np
@@ -21,6 +21,8 @@ from derive.choices.explicit import Explicit, explicit
 from derive.choices.limits import (
     FEW,
     FINALISTS,
+    HEAVY,
+    LIGHT,
     MOST_SUBSETS,
     NAMED,
     REGULAR,
@@ -51,13 +53,13 @@ from derive.model.records import Choice
 from derive.numerics import NONZERO
 from derive.states.sparse import Sparse, squares, stacked
 
-Score = tuple[tuple[int, bool], int, int, int]
+Score = tuple[tuple[int, bool, int], int, int, int]
 
 
 @dataclass(frozen=True)
 class Ranking:
     """One candidate: how it was judged. `condition` is the median, `worst` the largest cond [A; B]
-    over the sampled states."""
+    over the sampled states; `lost` tells by decades what Sᵀ M S loses of light bodies."""
 
     name: str
     kind: str
@@ -70,6 +72,7 @@ class Ranking:
     verdict: str
     followers: int = 0  # speeds that a coupling gives by another coordinate
     driven: int = 0  # speeds that an input acts on
+    lost: int = 0
 
 
 @dataclass(frozen=True)
@@ -330,12 +333,12 @@ def judged(
     B is written at the frame of the choice, if it has one, before it becomes numbers. Two counts at
     the end tell how many of its rows are velocities that follow others, and how many are driven.
     """
-    B = reduction.at_frame(reduction.B)
-    conditions = (
-        _conditions(survey, _numeric_rows(survey, B))
-        if survey.without_zeros is None
-        else _conditions_without_zeros(survey, survey.without_zeros, B)
-    )
+    B, lost = reduction.at_frame(reduction.B), 0
+    if survey.without_zeros is None:
+        numeric = _numeric_rows(survey, B)
+        conditions, lost = _conditions(survey, numeric), _lost(survey, numeric)
+    else:
+        conditions = _conditions_without_zeros(survey, survey.without_zeros, B)
     count, pivots = equations.operations, reduction.pivots
     return Ranking(
         name,
@@ -348,7 +351,24 @@ def judged(
         equations.gathered,
         len(survey.followers & set(rows)),
         len(survey.driven & set(rows)),
+        lost,
     )
+
+
+def _lost(survey: Survey, B: np.ndarray) -> int:
+    """How many times LIGHT decades Sᵀ M S, with its diagonal scaled to one, is worse conditioned
+    than it may be: a light body whose motion is told by that of a heavy one loses its inertia."""
+    if survey.masses is None or not survey.rank or not survey.freedom:
+        return 0
+    Y = np.concatenate([survey.rows[:, list(survey.kept)], even_rows(B)], axis=1)
+    values = np.linalg.svd(Y, compute_uv=False)
+    regular = values[:, -1] > REGULAR * values[:, 0]
+    S = np.linalg.inv(Y[regular])[:, :, survey.rank :]
+    reduced = S.transpose(0, 2, 1) @ survey.masses[regular] @ S
+    sizes = np.sqrt(np.maximum(np.diagonal(reduced, axis1=1, axis2=2), NONZERO))
+    least = np.linalg.eigvalsh(reduced / sizes[:, :, None] / sizes[:, None, :])[:, 0]
+    worst = max(float(np.min(least, initial=1.0)), ROUNDOFF)
+    return max(0, ceil((-log10(worst) - HEAVY) / LIGHT))
 
 
 def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
@@ -433,13 +453,13 @@ def _try(survey: Survey, name: str, rows: tuple[RowForm, ...]) -> Resolved | Non
 
 
 def score(ranking: Ranking) -> Score:
-    """Least is best. A follower is no choice while its leader is one; of what is alike in all else
-    an actuated speed comes first.
+    """Least is best. A follower is no choice while its leader is one, nor is what loses the inertia
+    of light bodies; of what is alike in all else an actuated speed comes first.
 
     Conditions count by decades and a half: a ratio below about 30 is no reason to prefer a
     partition that needs more operations.
     """
-    safety = (ranking.followers, not ranking.constant_pivots)
+    safety = (ranking.followers, not ranking.constant_pivots, ranking.lost)
     condition = round(float(np.log10(ranking.worst)) / 1.5)
     return safety, condition, ranking.operations, -ranking.driven
 
@@ -452,15 +472,15 @@ def _candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowF
     result: list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]] = []
     for subset in subsets:
         rows = tuple(RowForm(speed_name(survey.system, j), (), ((j, 1.0),)) for j in subset)
-        worst = (
-            _conditions(survey, np.tile(np.eye(nv)[list(subset)], (len(survey.rows), 1, 1)))[1]
-            if survey.system.rows
-            else 1.0
-        )
+        worst, lost = 1.0, 0
+        if survey.system.rows:
+            B = np.tile(np.eye(nv)[list(subset)], (len(survey.rows), 1, 1))
+            worst, lost = _conditions(survey, B)[1], _lost(survey, B)
         names = {row.name for row in rows}
         # followers last, then by condition; of equals the actuated ones, then the first of the tree
         order = (
             len(names & survey.followers),
+            lost,
             round(np.log10(worst), 1),
             -len(names & survey.driven),
             subset[0] if subset else 0,
@@ -535,7 +555,8 @@ def _qualities(ranking: Ranking) -> str:
         else "a pivot varies with the configuration"
     )
     cost = f", about {ranking.operations} operations" if ranking.operations else ""
-    return f"{safe}, cond [A; B] at most {ranking.worst:.3g} over the sampled states{cost}"
+    lost = ", light bodies are told by heavy ones" if ranking.lost else ""
+    return f"{safe}, cond [A; B] at most {ranking.worst:.3g} over the sampled states{lost}{cost}"
 
 
 def _refused(system: System, choice: Choice, message: str, expected: str) -> AssumptionError:

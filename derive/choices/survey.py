@@ -124,6 +124,16 @@ class Survey:
         return even_rows(self.plain_rows)
 
     @cached_property
+    def masses(self) -> np.ndarray | None:
+        """M at the sampled states, k × nv × nv; None where M is not written out, and where rows are
+        too many for it."""
+        s = self.sampled
+        if self.system.long or not self.system.written or self.solver.many_rows:
+            return None
+        M = self.solver.values(self.system.M, s.t, s.q, s.p)
+        return M if np.isfinite(M).all() else None
+
+    @cached_property
     def without_zeros(self) -> Sparse | None:
         """`rows` without zeros where there are many and all of them are independent, clearly so at
         most of the sampled states; None elsewhere."""

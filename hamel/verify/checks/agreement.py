@@ -305,14 +305,15 @@ def balance(e: Evidence) -> float | None:
     excuses a wrong λ here.
 
     v̇ = S ẇ + σ is known to n·2⁻⁵² cond [A; B] of the largest force at best: where [A; B] is nearly
-    singular S ẇ and σ nearly cancel. What is summed in a row counts as at least that.
+    singular S ẇ and σ nearly cancel; and light bodies told by heavy ones to what is left of them in
+    Sᵀ M S. What is summed in a row counts as at least that.
 
     Where nothing pulls at all, what is summed is roundoff, and is not compared with itself: no more
     than what is left of velocity products, each of the size of T, that cancel.
     """
     if not e.graph.has("reactions"):
         return None
-    given = zip(e.terms, e.vdot, e.results("reactions"), e.forces, e.own_conditions(e.graph))
+    given = zip(e.terms, e.vdot, e.results("reactions"), e.forces, e.growths(e.graph))
     return worst(
         [
             worst(_imbalance(t, a, lam, e.units.force, size, growth))

@@ -31,7 +31,13 @@ from hamel.verify.reference.outcome import (
     kinematics,
     state_of,
 )
-from hamel.verify.reference.saddle import condition_of, rank_of, row_condition, saddle
+from hamel.verify.reference.saddle import (
+    condition_of,
+    least_eigenvalue,
+    rank_of,
+    row_condition,
+    saddle,
+)
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
@@ -41,6 +47,7 @@ VARIED = (0.2, 0.02, 0.0)
 UNVARIED = 5  # states with the file's own parameters
 SHORT = 1e-3  # of the model's own time
 FAR = 0.1  # off the constraints, in the model's own units
+LOST = 1e-8  # an eigenvalue of Sᵀ M S, scaled, excuses no more than the loss of so many digits
 TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power", "zdot")
 VECTORS = ("qdot", "h", "Q", "phi", "c", "beta", "zdot")
 MATRICES = ("N", "M", "A")
@@ -282,6 +289,17 @@ class Evidence:
         own = self.named("Y", graph) or [np.eye(1)] * len(self.samples)
         return [max(1.0, row_condition(Y * self._columns(Y))) for Y in own]
 
+    def growths(self, graph: Evaluator) -> list[float]:
+        """By what factor roundoff may grow on the way to v̇ = S ẇ + σ: cond Y of the choice, or what
+        Sᵀ M S, scaled to a unit diagonal, loses of light bodies that are told by heavy ones."""
+        own, nv = self.named("Y", graph), len(self.units.v)
+        growths = self.own_conditions(graph)
+        if not own or own[0].shape != (nv, nv):
+            return growths
+        freedom = len(graph.equations.w)
+        lost = [_lost(t.M, Y, freedom) for t, Y in zip(self.terms, own)]
+        return [max(pair) for pair in zip(growths, lost)]
+
     def _condition(self, o: Outcome) -> float:
         """Of [M Aᵀ; A 0] in the model's own units."""
         return condition_of(saddle(o.M / self.units.M, o.kinematics.A / self.units.A))
@@ -498,3 +516,11 @@ def evidence(
         tuple(evaluator(other) for other in others),
         module,
     )
+
+
+def _lost(M: Array, Y: Array, freedom: int) -> float:
+    try:
+        S = np.linalg.inv(Y)[:, len(Y) - freedom :]
+    except np.linalg.LinAlgError:
+        return 1.0  # the condition of Y says enough
+    return 1.0 / max(least_eigenvalue(S.T @ M @ S, np.zeros(freedom)), LOST)

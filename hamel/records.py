@@ -418,6 +418,8 @@ class Simulated:
     # the state (coordinates, quasi-velocities) at each of these times, a row each
     at_events: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
     motion: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
+    # t, T, V, work … of `motion`, by these names whatever names the model has
+    measures: Mapping[str, Any] = field(repr=False, default_factory=dict, metadata={"json": False})
     simulation: Simulation | None = field(repr=False, default=None, metadata={"json": False})
     title: str = field(repr=False, default="", metadata={"json": False})
     automatic: bool = False  # the integrator was left to `auto`

@@ -64,8 +64,8 @@ class Unreduced:
 
 def unreduced(form: Linear, motions: Steady, cyclic: tuple[int, ...]) -> Unreduced:
     """At the first motion; `cyclic` are indices into q that are left out. Raises AssumptionError
-    where neither the base velocities nor the rates q̇ are constant along the motion, or where the
-    mass matrix of a long chain is not written out."""
+    where neither the base velocities nor the rates q̇, and the tangent space in them, are constant
+    along the motion, or where the mass matrix of a long chain is not written out."""
     system = form.equations.system
     if system.model.states:
         raise AssumptionError("the multiplier equations here know no first-order states")
@@ -79,14 +79,18 @@ def unreduced(form: Linear, motions: Steady, cyclic: tuple[int, ...]) -> Unreduc
             1 + float(np.max(np.abs(x / sizes.x), initial=0.0))
         ):
             continue
-        own = sizes.x[list(form.independent)]
-        A, T = _matrix(form, L, sizes, x, u, p), _tangent(form, L)(x, u, p)
+        own, tangents = sizes.x[list(form.independent)], _tangent(form, L)
+        A, T = _matrix(form, L, sizes, x, u, p), tangents(x, u, p)
         even, tangent = sizes.time * _by(A, sizes.state, sizes.state), _by(T, sizes.state, own)
         ignorable = _ignorable(
             even, {j: tangent[:, k] for k, j in enumerate(form.independent) if j in cyclic}
         )
         rows = [i for i in range(len(A)) if i not in ignorable]
         columns = [k for k, j in enumerate(form.independent) if j not in ignorable]
+        later = _by(tangents(_later(form, sizes, x, u, p), u, p), sizes.state, own)
+        turned = np.abs(later - tangent)[np.ix_(rows, columns)]
+        if np.max(turned, initial=0.0) > CONSTANT * np.max(np.abs(tangent), initial=0.0):
+            continue
         minimal = ca.Function(
             "A", [a.symbols for a in form.equations.arguments], [ca.densify(form.A)]
         )(0.0, x, u, p).full()
@@ -101,8 +105,8 @@ def unreduced(form: Linear, motions: Steady, cyclic: tuple[int, ...]) -> Unreduc
         )
         return replace(compared, A=A[np.ix_(rows, rows)])
     raise AssumptionError(
-        "neither the generalized velocities nor the rates of the coordinates are constant along "
-        "this motion"
+        "neither the generalized velocities nor the rates of the coordinates, and what the "
+        "constraints leave of them, are constant along this motion"
     )
 
 
@@ -147,6 +151,16 @@ def _at(form: Linear, value: ca.SX) -> ca.SX:
     """An expression of v over w."""
     v = form.equations.function("velocity").result.value
     return ca.substitute(value, form.equations.system.v, v)
+
+
+def _later(form: Linear, sizes: Sizes, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """The state a tenth of the model's own time later, or where no coordinate has gone by more than
+    a tenth of its unit: coordinates go on at their rates."""
+    function = form.equations.function("dynamics")
+    rates = ca.Function("f", [a.symbols for a in form.equations.arguments], [function.result.value])
+    moved = rates(0.0, x, u, p).full().ravel() * sizes.time
+    moved[len(sizes.q) :] = 0.0
+    return x + 0.1 * moved / max(1.0, float(np.max(np.abs(moved / sizes.x), initial=0.0)))
 
 
 def _rates(form: Linear, L: ca.SX, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:

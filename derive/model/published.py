@@ -60,10 +60,10 @@ def _value(
 ) -> tuple[str, Expression] | None:
     """A coordinate, velocity, energy, output or entry of an output."""
     output = _OUTPUT.fullmatch(key)
-    if key in ENERGIES and key not in reader.scope.symbols:
-        return str(key), reader.of_parameters(scalar, f"the published {key}", unit="J")
     if output and output[1] in outputs:
         return str(key), reader.of_parameters(scalar, f"the published {key}", unit=None)
+    if key in ENERGIES and key not in reader.scope.symbols:
+        return str(key), reader.of_parameters(scalar, f"the published {key}", unit="J")
     name = state_name(reader, key)
     if name is None:
         return None

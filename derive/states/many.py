@@ -99,6 +99,7 @@ class Starter:
     def _charged(self, values: Mapping[str, np.ndarray], p: np.ndarray) -> np.ndarray:
         """The first-order states: those that are held, else what the file says."""
         z = np.zeros((len(p), 0)) if self.charges is None else self.charges(p.T).full().T
+        z = np.array(np.broadcast_to(z, (len(p), z.shape[1])))  # one row where nothing is in p
         for k, name in enumerate(self.states):
             if name in values:
                 z[:, k] = values[name]

@@ -117,7 +117,7 @@ def _acceleration(course: Course) -> Iterator[Exercise]:
 
 def _energy(course: Course) -> Iterator[Exercise]:
     """Whether energy stays."""
-    columns = course.record.motion
+    columns = course.record.measures
     T, V, work = (np.asarray(columns[name], dtype=float) for name in ("T", "V", "work"))
     change = float((T + V)[-1] - (T + V)[0])
     largest = float(np.max(np.abs(np.concatenate([T, V]))))

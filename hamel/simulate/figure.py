@@ -16,22 +16,22 @@ Curves = Mapping[str, np.ndarray]
 
 
 def figure(
-    title: str, columns: Curves, groups: Mapping[str, Curves], units: Mapping[str, str]
+    title: str, measures: Curves, groups: Mapping[str, Curves], units: Mapping[str, str]
 ) -> str:
     """The groups of curves, then energies and violations, over time, as SVG."""
     panels = [panel for about, curves in groups.items() for panel in _by_unit(about, curves, units)]
-    energies = {name: columns[name] for name in ("T", "V", "work")}
-    if "jacobi" in columns:
-        energies["T₂ − T₀ + V"] = columns["jacobi"]
+    energies = {name: measures[name] for name in ("T", "V", "work")}
+    if "jacobi" in measures:
+        energies["T₂ − T₀ + V"] = measures["jacobi"]
     panels.append(_panel("energy (J)", energies))
     errors = {
-        "|φ|": columns["position_violation"],
-        "|A v − c|": columns["velocity_violation"],
-        "energy, rel.": np.abs(energy_error(columns)),
+        "|φ|": measures["position_violation"],
+        "|A v − c|": measures["velocity_violation"],
+        "energy, rel.": np.abs(energy_error(measures)),
     }
     shown = {name: error for name, error in errors.items() if np.any(error > 0)}
     panels.append(_panel("violation (SI) and energy error (relative)", shown, log=True))
-    return draw(title, "t (s)", columns["t"].tolist(), panels)
+    return draw(title, "t (s)", measures["t"].tolist(), panels)
 
 
 def _by_unit(about: str, curves: Curves, units: Mapping[str, str]) -> list[Panel]:

@@ -20,6 +20,7 @@ from hamel import charts
 from hamel.records import Simulated
 from hamel.simulate.energies import largest_error
 from hamel.simulate.figure import figure
+from hamel.simulate.measures import measures
 from hamel.simulate.method import Method
 
 Columns = dict[str, np.ndarray]
@@ -45,8 +46,12 @@ def simulated(source: Source, simulation: Simulation, seconds: float) -> Simulat
     source = replace(source, p=charts.parameters(simulation, source.p))
     names, title = charts.choices(equations, simulation), _title(equations)
     groups = _groups(source, simulation)
+    found = {"t": simulation.t, **_measured(source, simulation)}
+    called = measures(equations.system.model)
     columns = _columns(source, simulation, groups)
-    written = columns | ({"choice": np.array(names)} if len({*names, equations.choice}) > 1 else {})
+    columns |= {called.get(name, name): values for name, values in found.items()}
+    several = len({*names, equations.choice}) > 1
+    written = columns | ({called["choice"]: np.array(names)} if several else {})
     units = _units(equations)
     events = _events(simulation)
     return Simulated(
@@ -64,7 +69,7 @@ def simulated(source: Source, simulation: Simulation, seconds: float) -> Simulat
         position_violation=simulation.position_violation,
         velocity_violation=simulation.velocity_violation,
         acceleration_violation=_acceleration_violation(source, simulation),
-        energy_balance=largest_error(columns),
+        energy_balance=largest_error(found),
         error=_error_estimate(simulation),
         crossings=simulation.crossings,
         landings=simulation.landings,
@@ -79,9 +84,10 @@ def simulated(source: Source, simulation: Simulation, seconds: float) -> Simulat
         plot=None,
         simulation=simulation,
         motion=written,
+        measures=found,
         title=title,
         units=units,
-        figure=partial(figure, title, columns, groups, units),
+        figure=partial(figure, title, found, groups, units),
     )
 
 
@@ -119,11 +125,9 @@ def _rows(source: Source, simulation: Simulation, name: str) -> np.ndarray:
 
 
 def _columns(source: Source, simulation: Simulation, groups: Mapping[str, Columns]) -> Columns:
-    """Everything by name, a value per row; `work` is that of all forces without potential since the
-    first row."""
-    energies = _rows(source, simulation, "energy")
-    integral = {"jacobi": energies[:, 2]} if energies.shape[1] > 2 else {}
-    motion = {
+    """Everything of the model by name, a value per row."""
+    return {
+        "t": simulation.t,
         **groups["coordinates"],
         **groups["quasi-velocities"],
         **_labelled(source, simulation, "velocity"),
@@ -132,8 +136,14 @@ def _columns(source: Source, simulation: Simulation, groups: Mapping[str, Column
         **groups["inputs"],
         **groups["outputs"],
     }
+
+
+def _measured(source: Source, simulation: Simulation) -> Columns:
+    """Energies, the work of all forces without potential since the first row, and violations."""
+    energies = _rows(source, simulation, "energy")
+    integral = {"jacobi": energies[:, 2]} if energies.shape[1] > 2 else {}
     shares = {"T": energies[:, 0], "V": energies[:, 1], **integral, "work": simulation.work}
-    return {"t": simulation.t, **motion, **shares, **_violations(source, simulation)}
+    return shares | _violations(source, simulation)
 
 
 def _constant_inputs(source: Source, simulation: Simulation) -> Columns:

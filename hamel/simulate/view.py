@@ -31,6 +31,7 @@ def page(system: System, record: Simulated, p: np.ndarray) -> str:
     columns = _numbers(record)
     rows = frames(len(columns["t"]))
     shown = {name: values[rows] for name, values in columns.items()}
+    measures = {name: values[rows] for name, values in record.measures.items()}
     t, q = _course(system, shown)
     scene = moving(system, t, q, p)
     drawing = mechanism.picture(system)
@@ -41,7 +42,7 @@ def page(system: System, record: Simulated, p: np.ndarray) -> str:
         version=hamel.__version__,
         figure=Markup(mechanism.svg(drawing, "named") if drawing else ""),
         stage=Markup(_stage(system, scene)),
-        plots=[Markup(plot) for plot in _plots(shown, energy_error(columns)[rows])],
+        plots=[Markup(plot) for plot in _plots(measures, energy_error(record.measures)[rows])],
         data=Markup(_script(scene.data)),
         speeds=_speeds(float(t[-1] - t[0])),
         space=not scene.data["view"]["flat"],
@@ -61,8 +62,8 @@ def picture(system: System, record: Simulated, p: np.ndarray) -> str:
 
 def _numbers(record: Simulated) -> Mapping[str, np.ndarray]:
     """Columns of the motion that are numbers."""
-    columns = {name: values for name, values in record.motion.items() if name != "choice"}
-    return {name: np.asarray(values, dtype=float) for name, values in columns.items()}
+    columns = {name: np.asarray(values) for name, values in record.motion.items()}
+    return {name: x.astype(float) for name, x in columns.items() if x.dtype.kind != "U"}
 
 
 def _course(system: System, columns: Curves) -> tuple[np.ndarray, np.ndarray]:
@@ -104,22 +105,22 @@ def _round(x: float) -> float:
     return next(m * power for m in (5, 2, 1) if m * power <= x * (1 + 1e-9))
 
 
-def _plots(columns: Curves, error: np.ndarray) -> list[str]:
+def _plots(measures: Curves, error: np.ndarray) -> list[str]:
     """Energies, and violations where there are any."""
-    T, V = columns["T"], columns["V"]
+    T, V = measures["T"], measures["V"]
     energies = {"T": T, "V": V, "T + V": T + V}
-    if np.any(columns["work"] != 0):
-        energies["work"] = columns["work"]
+    if np.any(measures["work"] != 0):
+        energies["work"] = measures["work"]
     errors = {
-        "|φ|": columns["position_violation"],
-        "|A v − c|": columns["velocity_violation"],
+        "|φ|": measures["position_violation"],
+        "|A v − c|": measures["velocity_violation"],
         "energy, rel.": np.abs(error),
     }
     shown = {name: error for name, error in errors.items() if np.any(error > 0)}
-    plots = [_plot("energy (J)", columns["t"], energies, False)]
+    plots = [_plot("energy (J)", measures["t"], energies, False)]
     if shown:
         about = "violation (SI) and energy error (relative)"
-        plots.append(_plot(about, columns["t"], shown, True))
+        plots.append(_plot(about, measures["t"], shown, True))
     return plots
 
 

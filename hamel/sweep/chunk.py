@@ -159,7 +159,7 @@ class Run:
             return np.broadcast_to(self._inputs()[:, :, work.inputs.index(name)], shape)
         if name in work.parameters:
             return np.broadcast_to(self.p[:, None, work.parameters.index(name)], shape)
-        if name == "work":
+        if name == work.measures["work"]:
             return self.found.work
         function, labels = next(
             (function, labels) for function, labels in self._functions() if name in labels
@@ -171,7 +171,7 @@ class Run:
         rates = tuple(f"der({name})" for name in work.coordinates)
         return (
             ("outputs", work.outputs),
-            ("energy", ("T", "V", "jacobi")),
+            ("energy", tuple(work.measures[name] for name in ("T", "V", "jacobi"))),
             ("velocity", work.velocities),
             ("dynamics", rates),
         )

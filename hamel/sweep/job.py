@@ -37,6 +37,7 @@ class Motions:
     velocities: tuple[str, ...]
     coordinates: tuple[str, ...]
     held: Mapping[str, float]  # initial values that are set for all
+    measures: Mapping[str, str]  # what T, V, jacobi and work are called
     tables: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
     most_steps: int = 10**6
     error: bool = False

@@ -28,6 +28,7 @@ from hamel.build.stages import mechanics_of
 from hamel.build.store import digest
 from hamel.settings import parsed, settings, units
 from hamel.simulate.compiled import Feed, Problem, Rows, problem_of
+from hamel.simulate.measures import measures
 from hamel.simulate.method import Method, check_method, own_integrator, tolerances
 from hamel.simulate.motion import Stepping
 from hamel.sweep.artefact import Artefact, packed
@@ -166,7 +167,8 @@ def _names(system: System) -> Names:
     for output in model.outputs:
         for name in components(output.name, output.expression, letters):
             outputs[name] = output.unit
-    energies = {"T": "J", "V": "J", "work": "J"}
+    called = measures(model)
+    energies = {called[name]: "J" for name in ("T", "V", "work")}
     starts = {x.name for x in model.speeds}  # declared quasi-velocities: only where motions begin
     known = {name: unit for name, unit in known.items() if name not in starts}
     every = {**known, **outputs, **energies, "t": "s"}
@@ -174,7 +176,7 @@ def _names(system: System) -> Names:
     states = tuple(item.name for item in moving)
     reactions = tuple(x.name for x in model.outputs if is_reaction(x.expression))
     events = tuple(event.name for event in model.events)
-    return Names(every, states, ("T", "V"), events, reactions)
+    return Names(every, states, (called["T"], called["V"]), events, reactions)
 
 
 def _values(path: str | PathLike[str], system: System, asked: Asked, of_modes: bool) -> Any:
@@ -313,6 +315,7 @@ def _motions(
         tuple(x.name for x in model.velocities),
         tuple(c.name for c in model.coordinates),
         held,
+        measures(model),
         {n: (t.times, t.values, t.kind) for n, t in problem.changes.tables.items()},
         error=any(each.text == "error" and each.how == "counted" for each in columns),
     )

@@ -24,7 +24,7 @@ def show(record: Simulated, console: Console) -> None:
     console.print(f"  largest |φ|         {number(record.position_violation)}")
     console.print(f"  largest |A v − c|   {number(record.velocity_violation)}")
     console.print(f"  largest |A v̇ − β|   {number(record.acceleration_violation)}")
-    integral = ", as Jacobi's integral T₂ − T₀ + V" if "jacobi" in record.motion else ""
+    integral = ", as Jacobi's integral T₂ − T₀ + V" if "jacobi" in record.measures else ""
     balance = f"{number(record.energy_balance)} of the largest energy exchanged{integral}"
     console.print(f"  energy balance      {balance}")
     if record.error is not None:

@@ -24,7 +24,7 @@ FINITE = (
     # where squares or quotients overflow, the order of operations decides: the result is not
     # compared
 )
-NOTHING = 1e-3  # of the largest result: what is below, and what it is a sum of, may be rounding
+NOTHING = 1e-3  # of the largest result and of its unit: what is below, and what it is a sum of, may be rounding
 CLOSE = 1e-9
 RIGHT, REFUSED = "right", "refused"
 
@@ -68,7 +68,7 @@ def _of_function(
         try:
             ours, wanted = (
                 np.ravel(call(*e.complete(strange))),
-                _expected(e, function.name, place, strange),
+                _expected(e, function.name, place, strange, unit),
             )
         except FloatingPointError:
             yield REFUSED
@@ -82,7 +82,7 @@ def _of_function(
             yield RIGHT
 
 
-def _expected(e: Evidence, name: str, place: Row, strange: tuple) -> Array:
+def _expected(e: Evidence, name: str, place: Row, strange: tuple, unit: Array | float) -> Array:
     """The graph's result; where that is none, though it does not depend on the argument (m in m/m),
     what it is elsewhere."""
     wanted = np.ravel(e.graph(name, *strange))
@@ -93,8 +93,9 @@ def _expected(e: Evidence, name: str, place: Row, strange: tuple) -> Array:
         for old, new in zip(place, strange)
     )
     here, there = np.ravel(e.graph(name, *place)), np.ravel(e.graph(name, *another))
-    # a result that is zero to rounding is compared with the largest one
-    size = np.maximum(np.abs(here), np.abs(here).max(initial=0.0) * NOTHING)
+    # a result that is zero to rounding is compared with the largest one, and with its unit
+    largest = np.maximum(unit, np.abs(here).max(initial=0.0))
+    size = np.maximum(np.abs(here), largest * NOTHING)
     indifferent = ~np.isfinite(wanted) & (np.abs(there - here) <= CLOSE * size)
     return np.where(indifferent, here, wanted)
 

@@ -1,5 +1,8 @@
 """What comes out of a motion: data frames and data sets with units, Parquet, the plot in a notebook;
-what shares an axis; and what is said where an optional library is missing."""
+what shares an axis; and what is said where an optional library is missing.
+
+Of hamel.simulate: measures.
+"""
 
 from __future__ import annotations
 
@@ -96,3 +99,31 @@ def test_angles_of_many_turns_and_small_ones_share_no_axis() -> None:
     near = {"a": 1.0 * t, "b": 0.2 * t, "far": 30.0 * t}
     assert [set(group) for group in alike(near, "m")] == [{"a", "b"}, {"far"}]
     assert [*alike({"a": t, "b": 2 * t}, "m")[0]] == ["a", "b"]
+
+
+OWN_NAMES = """
+model: own_names
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies: {a: {mass: 2 kg}, b: {mass: 1 kg}}
+joints:
+  j: {type: prismatic, parent: ground, child: a, axis: x, coordinate: T}
+  k: {type: prismatic, parent: a, child: b, axis: y, coordinate: V}
+inputs: {work: {joint: j}}
+outputs: {position_violation: 3*T}
+initial: {T: 1 m, der(V): 1 m/s}
+"""
+
+
+def test_a_name_of_the_model_is_not_taken_by_an_energy(tmp_path: Path) -> None:
+    """T and V are natural names: a tension, a voltage. Seen: both columns held energies."""
+    (tmp_path / "m.yaml").write_text(OWN_NAMES)
+    found = hamel.simulate(tmp_path / "m.yaml", time=1.0, step=0.5, values={"work": 2.0})
+    t = found.motion["t"]
+    assert found.motion["V"] == pytest.approx(t - 9.81 * t**2 / 2, abs=1e-9)
+    assert found.motion["T"] == pytest.approx(1 + 2.0 / 3 * t**2 / 2, abs=1e-9)
+    assert list(found.motion["work"]) == [2.0] * 3
+    assert found.motion["position_violation"] == pytest.approx(3 * found.motion["T"])
+    total = found.motion["kinetic_energy"] + found.motion["potential_energy"]
+    assert total - total[0] == pytest.approx(found.motion["work_done"], abs=1e-9)
+    assert found.measures["T"] is found.motion["kinetic_energy"] and found.energy_balance < 1e-12

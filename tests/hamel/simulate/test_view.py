@@ -45,7 +45,7 @@ def motion(mechanics, t, q) -> SimpleNamespace:
     energies = {"T": 1 + t, "V": -t, "work": zero}
     violations = {"position_violation": 1e-12 + zero, "velocity_violation": zero}
     columns = {"t": t, **dict(zip(names, q.T)), **energies, **violations}
-    return SimpleNamespace(title="a <b> & c", motion=columns)
+    return SimpleNamespace(title="a <b> & c", motion=columns, measures=columns)
 
 
 def unpacked(column: list, count: int) -> np.ndarray:

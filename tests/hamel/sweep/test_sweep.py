@@ -535,3 +535,26 @@ def test_commands_say_how_the_motion_was_made(place: Path) -> None:
         enforcement="feedback", alpha=3.0, real="float32", rtol=1e-4, failures=1.0,
     )  # fmt: skip
     assert "--alpha=3.0" in found.commands["0"] and "--real=float32" in found.commands["0"]
+
+
+CHARGED = """
+model: charged
+plane: xy
+bodies: {a: {mass: 2 kg, inertia: 0.1}}
+joints: {j: {type: revolute, parent: ground, child: a, coordinate: q}}
+inputs: {V: {joint: j}}
+states: {T: {rate: "(1 1/s)*(1 - T)"}}
+"""
+
+
+def test_first_order_states_without_parameters_and_names_that_energies_have(tmp_path: Path) -> None:
+    """casadi takes a call without entries for one call; V and T are those of the model."""
+    (tmp_path / "m.yaml").write_text(CHARGED)
+    keep = ["q", "V", "T", "kinetic_energy"]
+    given = {"vary": {"V": [0.0, 0.5, 1.0]}, "time": 1.0, "reduce": True}
+    swept = hamel.sweep(tmp_path / "m.yaml", keep=keep, out=tmp_path / "s", **given)
+    means = {column.name: column.mean for column in swept.kept}
+    # q = V t²/2 I, T = 1 − e⁻ᵗ, kinetic energy (V t)²/2 I
+    wanted = {"q": 2.5, "T": 1 - np.exp(-1.0), "kinetic_energy": 5 * (0 + 0.25 + 1) / 3}
+    assert {name: means[name] for name in wanted} == pytest.approx(wanted, rel=1e-6)
+    assert means["final(V)"] == pytest.approx(0.5)

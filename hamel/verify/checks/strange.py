@@ -24,7 +24,8 @@ FINITE = (
     # where squares or quotients overflow, the order of operations decides: the result is not
     # compared
 )
-NOTHING = 1e-3  # of the largest result and of its unit: what is below, and what it is a sum of, may be rounding
+# of the largest result and of its unit: what is below, and what it is a sum of, may be rounding
+NOTHING = 1e-3
 CLOSE = 1e-9
 RIGHT, REFUSED = "right", "refused"
 

@@ -271,3 +271,39 @@ def test_a_light_body_is_not_told_by_a_heavy_one(tmp_path, heavy):
     hamel.build(file, out=tmp_path / "g")  # raises where verification fails
     best = hamel.choices(file).choices[0]
     assert {"r_x_dot", "r_y_dot"} <= set(best.rows) or heavy == "5e4 kg"
+
+
+SMALL_AND_FAR = """\
+model: m
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies: {arm: {mass: 10 kg, com: [1 m, 0], inertia: 10}, plate: {mass: 10 g, inertia: 1e-6}}
+joints:
+  A: {type: revolute, parent: ground, child: arm, coordinate: q1}
+  B: {type: revolute, parent: arm, child: plate, at: [2 m, 0], coordinate: q2}
+closures: {P: {type: revolute, between: [arm, plate], at: [[2 m, 1 cm], [0, 1 cm]]}}
+initial: {q1: -80 deg}
+"""
+SLIDES_AND_FAR = """\
+model: m
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies:
+  big: {mass: 10 kg, com: [1 m, 0], inertia: 10}
+  small: {mass: 10 g, com: [1 mm, 0], inertia: 1e-6}
+  s2: {mass: 10 g, com: [1 mm, 0], inertia: 1e-6}
+joints:
+  A: {type: revolute, parent: ground, child: big, coordinate: q1}
+  B: {type: revolute, parent: big, child: small, at: [2 m, 0], coordinate: q2}
+  C: {type: revolute, parent: big, child: s2, at: [2 m, 1 mm], coordinate: q3}
+closures: {P: {type: prismatic, between: [small, s2], at: [[1 mm, 0], [1 mm, 0]], axis: y}}
+initial: {q1: -80 deg, guess: {q2: 0.1, q3: 0.1}}
+"""
+
+
+@pytest.mark.parametrize("text", [SMALL_AND_FAR, SLIDES_AND_FAR], ids=["pinned", "slides"])
+def test_a_small_closure_at_the_end_of_a_long_arm_is_verified(tmp_path, text):
+    """Its gap is counted from the arm: of two places 2 m away a gap of 1 cm has two digits less, and
+    the reference's own rounding, which does that, is no error."""
+    (tmp_path / "m.yaml").write_text(text)
+    assert hamel.verify(tmp_path / "m.yaml").passed

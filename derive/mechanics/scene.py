@@ -13,7 +13,14 @@ from derive.expressions.scalars import Matrix, Vector
 from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Link, Place, Row, RowForm, Spinless
 from derive.mechanics.symbols import Symbols
-from derive.mechanics.tree import ground_positions, ground_rotations, twists
+from derive.mechanics.tree import (
+    Positions,
+    ground_positions,
+    ground_rotations,
+    origin_on,
+    path,
+    twists,
+)
 from derive.model.records import (
     Model,
 )
@@ -41,7 +48,7 @@ class Scene:
         return ground_rotations(self.links)
 
     @cached_property
-    def positions(self) -> list[Vector]:
+    def positions(self) -> Positions:
         """Of the links' origins, in the ground."""
         return ground_positions(self.links, self.rotations)
 
@@ -66,13 +73,28 @@ class Scene:
         return made
 
     def between(self, bodies: Sequence[str]) -> Scene:
-        """As a constraint between these bodies sees it: where they are one rigid piece that piece
-        stands still, for what it does is not between them and would leave rounding."""
+        """As a constraint between these bodies sees it: positions are counted from the link that
+        carries all of them, in ground axes. What it does is not between them, and would leave
+        rounding; where they are parts of one link nothing is, and that stands still."""
         where = {body: self.places[body] for body in bodies}
-        if len({place.link for place in where.values()}) > 1:
+        paths = [path(self.links, place.link) for place in where.values()]
+        shared = [i for i, *others in zip(*paths) if set(others) <= {i}]
+        if not shared or not paths[0]:
             return self
-        resting = {body: replace(place, link=-1) for body, place in where.items()}
-        return replace(self, places=self.places | resting)
+        if len({place.link for place in where.values()}) == 1:
+            resting = {body: replace(place, link=-1) for body, place in where.items()}
+            return replace(self, places=self.places | resting)
+        near = self.with_symbols(self.symbols)
+        vars(near)["positions"] = self._positions_from(shared[-1], paths)
+        return near
+
+    def _positions_from(self, carrier: int, paths: Sequence[Sequence[int]]) -> dict[int, Vector]:
+        found: dict[int, Vector] = {carrier: NOTHING}
+        for i in (i for way in paths for i in way[way.index(carrier) + 1 :]):
+            link = self.links[i]
+            above = (found[link.parent], self.rotations[link.parent])
+            found[i] = origin_on(above, link, self.rotations[i])
+        return found
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """d/dt of a function of t and q: ∂/∂t + ∂/∂q N v."""

@@ -8,7 +8,7 @@ costs one product.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.records import Rotation
@@ -30,6 +30,7 @@ from derive.mechanics.links import moved, summed
 from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import Inertia, Link, Place
 
+Positions = Sequence[Vector] | Mapping[int, Vector]  # of links, by their numbers
 Wrench = tuple[Vector, Vector]  # moment about the link's origin, force
 
 
@@ -75,18 +76,26 @@ def ground_positions(links: Sequence[Link], rotations: Sequence[Matrix]) -> list
     """Of the links' origins: r = r_p + R_p a − R b."""
     result: list[Vector] = []
     for link, R in zip(links, rotations):
-        carrier = (
+        carrier: tuple[Vector, Matrix] = (
             (result[link.parent], rotations[link.parent])
             if link.parent >= 0
             else ([0.0, 0.0, 0.0], IDENTITY)
         )
-        joint = sum_of(carrier[0], rotated(carrier[1], link.a))
-        result.append(difference(joint, rotated(R, link.b)))
+        result.append(origin_on(carrier, link, R))
     return result
 
 
+def origin_on(carrier: tuple[Vector, Matrix], link: Link, R: Matrix) -> Vector:
+    """r = r_p + R_p a − R b of a link turned by R, on a carrier at (r_p, R_p)."""
+    joint = sum_of(carrier[0], rotated(carrier[1], link.a))
+    return difference(joint, rotated(R, link.b))
+
+
 def ground_point(
-    place: Place, point: Vector, positions: Sequence[Vector], rotations: Sequence[Matrix]
+    place: Place,
+    point: Vector,
+    positions: Positions,
+    rotations: Sequence[Matrix],
 ) -> Vector:
     """A body point in the ground frame, in m: r + R (p + R_b x) for a body that sits at (p, R_b) in
     its link."""
@@ -207,13 +216,15 @@ def kinetic_energy(links: Sequence[Link], numbers: Sequence[Numbers]) -> Scalar:
 
 
 def gravity_energy(
-    links: Sequence[Link], positions: Sequence[Vector], rotations: Sequence[Matrix], g: Vector
+    links: Sequence[Link], positions: Positions, rotations: Sequence[Matrix], g: Vector
 ) -> Scalar:
     """V = −Σ g · (m r + R mc), in J, zero where all mass is at the ground's origin; g in ground
     axes, m/s²."""
     result: Scalar = 0.0
-    for link, r, R in zip(links, positions, rotations):
-        moment = sum_of([dot([link.inertia.mass], [x]) for x in r], rotated(R, link.inertia.moment))
+    for i, (link, R) in enumerate(zip(links, rotations)):
+        moment = sum_of(
+            [dot([link.inertia.mass], [x]) for x in positions[i]], rotated(R, link.inertia.moment)
+        )
         result = minus(result, dot(g, moment))
     return result
 

@@ -117,7 +117,7 @@ def power(e: Evidence) -> float:
 def positions(e: Evidence) -> float:
     """φ off the constraint surface, where it is not zero."""
     ours = [e.terms_at(d.t, d.q, d.v, s.u, s.given).phi for d, s in zip(e.disturbed, e.samples)]
-    sums = Sums(TERMS, [1.0 + worst(d.q / e.units.q) for d in e.disturbed])
+    sums = e.of_positions(TERMS, e.disturbed)
     wanted = [e.kinematics(d).phi for d in e.disturbed]
     return deviation(ours, wanted, unit=e.units.positions, sums=sums)
 
@@ -165,7 +165,7 @@ def velocities(e: Evidence) -> float:
     """A and c, so that λ means the same on both sides."""
     rows = [s.outcome.kinematics for s in e.samples]
     # rows are sums of lengths, as φ is; what vanishes on the constraint surface leaves rounding
-    lengths = Sums(TERMS, [1.0 + worst(s.q / e.units.q) for s in e.samples])
+    lengths = e.of_positions(TERMS, e.samples)
     ours_A, wanted_A = [t.A for t in e.terms], [k.A for k in rows]
     directions = deviation(ours_A, wanted_A, unit=e.units.A, sums=lengths)
     ours, wanted = [t.c for t in e.terms], [k.c for k in rows]

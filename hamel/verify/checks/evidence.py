@@ -375,6 +375,21 @@ class Evidence:
         inertia = [worst(s.outcome.M / self.units.M) for s in self.samples]
         return np.array(own) + np.array(inertia) * self.speeds**2
 
+    @cached_property
+    def reaches(self) -> Array:
+        """Per state how far bodies are from the ground's origin, in units of the shortest row in
+        m/s: of points that far away a small closure is the difference."""
+        rows = [u for u, row in zip(self.units.rows, self.system.rows) if row.unit == "m/s"]
+        if not rows:
+            return np.zeros(len(self.samples))
+        far = [worst(np.array([f.origin for f in s.state.frames.values()])) for s in self.samples]
+        return np.array(far) / (min(rows) * self.units.time)
+
+    def of_positions(self, tolerance: float, states: Sequence[Sample | State]) -> Sums:
+        """What φ and A are sums of: coordinates, and the ways to both sides of a closure."""
+        turned = np.array([1.0 + worst(s.q / self.units.q) for s in states])
+        return Sums(tolerance, np.maximum(turned, self.reaches))
+
     def of_speeds(self, tolerance: float) -> Sums:
         """Sums of velocities; those of the samples are of the order of one before the constraints
         leave what they leave."""
@@ -385,16 +400,17 @@ class Evidence:
         return Sums(tolerance, self.forces)
 
     def of_accelerations(self, tolerance: float) -> Sums:
-        """Velocity products, and forces on the largest inertia."""
+        """Velocity products, of what small closures far away are the difference too, and forces on
+        the largest inertia."""
         inertia = np.array([worst(s.outcome.M / self.units.M) for s in self.samples])
         given = np.where(inertia > 0.0, self.forces / np.where(inertia > 0.0, inertia, 1.0), 0.0)
-        return Sums(tolerance, self.speeds**2 + given)
+        return Sums(tolerance, np.maximum(1.0, self.reaches) * self.speeds**2 + given)
 
     def of_rows(self, tolerance: float) -> Sums:
         """|A| |v|² over all columns: where a loop turns as a whole, its rows are zero in what turns
         it, and the products of β cancel."""
         size = [worst(s.outcome.kinematics.A / self.units.A) for s in self.samples]
-        return Sums(tolerance, np.array(size) * self.speeds**2)
+        return Sums(tolerance, np.maximum(size, self.reaches) * self.speeds**2)
 
     def of_energies(self, tolerance: float) -> Sums:
         """T and the parts of V."""

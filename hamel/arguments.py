@@ -91,11 +91,24 @@ REAL = click.option(
     metavar="NAME",
     help="What the code computes in: float64 or float32.",
 )
-TARGETS = functools.partial(click.option, "--target", "targets", metavar="a,b", default="")
+
+
+class Listed(click.Option):
+    """An option that takes names with commas between them, and all that was said where it stands
+    several times."""
+
+    def __init__(self, *given: Any, metavar: str = "a,b", **named: Any) -> None:
+        def joined(context: click.Context, parameter: click.Parameter, value: Any) -> str:
+            return ",".join(value)
+
+        super().__init__(*given, metavar=metavar, multiple=True, callback=joined, **named)
+
+
+TARGETS = functools.partial(click.option, "--target", "targets", cls=Listed)
 CONSTANTS = click.option(
     "--constants",
+    cls=Listed,
     metavar="all|a,b",
-    default="",
     help="Parameters to bake in as numbers (default: none, all stay arguments).",
 )
 

@@ -26,6 +26,7 @@ from hamel.arguments import (
     POSITIVE,
     REAL,
     TARGETS,
+    Listed,
     constant_names,
     model_argument,
     name_and_value,
@@ -62,16 +63,14 @@ def check(model: str) -> Any:
 )
 @click.option(
     "--functions",
-    metavar="a,b",
-    default="",
+    cls=Listed,
     help='Emit these functions only (`hamel list MODEL` names all); "default" stands for all of '
     "use.",
 )
 @click.option(
     "--integrator",
     "integrators",
-    metavar="a,b",
-    default="",
+    cls=Listed,
     help="What the module's simulate() uses (default: dop853).",
 )
 @REAL
@@ -145,8 +144,7 @@ def build(
 @TARGETS(help="Instead compare these targets with the module, by the tools that use them.")
 @click.option(
     "--functions",
-    metavar="a,b",
-    default="",
+    cls=Listed,
     help="Also these functions (`hamel list MODEL` names all); with --target: these only.",
 )
 @REAL
@@ -187,8 +185,7 @@ def extremes(models: Sequence[str], case: str | None) -> Any:
 )
 @click.option(
     "--conserve",
-    metavar="a,b",
-    default="",
+    cls=Listed,
     help="Coordinates whose momenta the enforcement invariants holds too.",
 )
 @click.option(
@@ -292,9 +289,7 @@ def simulate(
     metavar="HZ",
     help="Of the filter, where accelerations are missing (default: by the spectrum).",
 )
-@click.option(
-    "--free", metavar="a,b", help="Fit these parameters of the file, by simulation of DATA."
-)
+@click.option("--free", cls=Listed, help="Fit these parameters of the file, by simulation of DATA.")
 @click.option(
     "--segments",
     type=click.IntRange(1, 1000),
@@ -374,27 +369,19 @@ def identify(model: str, data: str | None, base: bool, excite: str | None, **opt
     metavar="S",
     help="Seconds for all runs of one model.",
 )
-@click.option(
-    "--formulation", "formulations", metavar="a,b", default="", help="These formulations only."
-)
-@click.option(
-    "--choice", "choices", metavar="a,b", default="", help="These choices of quasi-velocities only."
-)
-@click.option(
-    "--enforcement", "enforcements", metavar="a,b", default="", help="These enforcements only."
-)
+@click.option("--formulation", "formulations", cls=Listed, help="These formulations only.")
+@click.option("--choice", "choices", cls=Listed, help="These choices of quasi-velocities only.")
+@click.option("--enforcement", "enforcements", cls=Listed, help="These enforcements only.")
 @click.option(
     "--integrator",
     "integrators",
-    metavar="a,b",
-    default="",
+    cls=Listed,
     help='These only; "libraries" for the library solvers.',
 )
 @click.option(
     "--rtol",
     "tolerances",
-    metavar="a,b",
-    default="",
+    cls=Listed,
     help="These relative tolerances (default: 1e-4 to 1e-12).",
 )
 @click.option(

@@ -2,6 +2,7 @@
 or says in words of mechanics why there is none."""
 
 import json
+import pickle
 from pathlib import Path
 
 import casadi as ca
@@ -307,3 +308,46 @@ def test_a_small_closure_at_the_end_of_a_long_arm_is_verified(tmp_path, text):
     the reference's own rounding, which does that, is no error."""
     (tmp_path / "m.yaml").write_text(text)
     assert hamel.verify(tmp_path / "m.yaml").passed
+
+
+DRIVEN_ROD = """\
+model: m
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {om: 3 rad/s}
+bodies: {rod: {mass: 1 kg, com: [0, -0.5], inertia: 0.1}}
+joints: {hinge: {type: revolute, parent: ground, child: rod, coordinate: q}}
+constraints: {d: {type: prescribed, coordinate: q, motion: 0.5*sin(om*t)}}
+outputs: {tip: "position(rod, [0, -1])"}
+"""
+
+
+def test_every_derivative_of_a_state_of_one_entry(tmp_path):
+    """Nothing is solved for, and a column of results is still a matrix."""
+    (tmp_path / "m.yaml").write_text(DRIVEN_ROD)
+    asked = ["default", "contraction", "dynamics_hessian", "outputs_jacobian", "derivatives"]
+    hamel.build(tmp_path / "m.yaml", out=tmp_path / "g", functions=asked)
+
+
+RC = """\
+model: m
+plane: xy
+bodies: {rod: {mass: 1 kg, com: [0, -0.5], inertia: 0.1}}
+joints: {hinge: {type: revolute, parent: ground, child: rod, coordinate: power}}
+inputs: {tau: {joint: hinge}}
+loads: {s: {type: spring, joint: hinge, stiffness: 3}}
+states: {v1: {rate: -v1/(2 s), unit: V}}
+"""
+
+
+def test_a_coordinate_may_be_called_power_and_a_model_may_have_no_parameters(tmp_path):
+    (tmp_path / "m.yaml").write_text(RC)
+    hamel.build(tmp_path / "m.yaml", out=tmp_path / "g")
+    module = hamel.load(tmp_path / "g")
+    assert module.mass(0.0, [0.1, 0.2, 1.0]).shape == (1, 1)  # nv × nv
+    with pytest.raises(module.Stopped) as stopped:
+        module.simulate((0.0, 1.0), [0.1, 0.0, 0.0], [float("nan")])
+    again = pickle.loads(pickle.dumps(stopped.value))
+    assert str(again) == str(stopped.value) and again.partial.status == stopped.value.partial.status
+    linear = hamel.linearize(tmp_path / "m.yaml")
+    assert len(linear.A) == len(linear.states) == 3

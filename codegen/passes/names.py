@@ -26,7 +26,7 @@ casadi_int casadi_real clear give hand look take
 _OURS = """
 t t_ c x u p out work lane LANES LARGER SMALLER EXP EXPM1 LOG LOG1P TANH SINH COSH ATAN ATAN2
 ASIN ACOS POW quarter_expm1 turned arc head log_head bad stray np math status step k finite residual
-error rows side sides solved others
+error rows side sides solved others power power0 power1 out0 out1
 where isscalar sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log expm1 sqrt
 fabs floor ceil pow atan2 hypot fmin fmax copysign fmod sign
 """

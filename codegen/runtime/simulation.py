@@ -118,3 +118,7 @@ class Stopped(FloatingPointError):
     def __init__(self, message: str, partial: Simulation) -> None:
         super().__init__(message)
         self.partial = partial
+
+    def __reduce__(self) -> tuple[type, tuple[str, Simulation]]:
+        """Both parts, so that it comes back from another process."""
+        return type(self), (str(self), self.partial)

@@ -39,8 +39,9 @@ class _Residual:
 
 
 def contractions(system: System, motion: Motion, z: ca.SX, y: ca.SX, dz: ca.SX) -> Iterator[ca.SX]:
-    """y·∂²ẋ [dz] (nz × 1) by every residual there is; by none with first-order states."""
-    if system.model.states:
+    """y·∂²ẋ [dz] (nz × 1) by every residual there is; by none with first-order states, and where
+    nothing is solved for."""
+    if system.model.states or not motion.wdot.numel():
         return
     for residual in _residuals(system, motion):
         yield _contraction(system, motion, residual, z, y, dz)

@@ -199,7 +199,7 @@ def _mass(system: System) -> Function:
     return Function(
         "mass",
         "mass matrix M(q) of the generalized velocities v, nv × nv",
-        Result("M", ca.densify(system.M), names, ()),
+        Result("M", ca.densify(system.M), names, (), matrix=True),
     )
 
 

@@ -62,6 +62,9 @@ def _slopes(study: Study, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> dict[s
     """dA/dθ along the family of steady motions, for every parameter and free name: ∂A/∂p + ∂A/∂(x,
     u) d(x, u)/dθ."""
     problem, form = study.problem, study.linear
+    names = (*study.equations.arguments[3].labels, *problem.motion.sweepable)
+    if not names:
+        return {}
     t, *rest = (a.symbols for a in study.equations.arguments)
     at = ca.vertcat(*rest)
     d = ca.SX.sym("d", at.numel())
@@ -72,7 +75,6 @@ def _slopes(study: Study, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> dict[s
     slopes: NDArray[np.float64] = J.full()
     moved: NDArray[np.float64] = problem.shifts(x, u, p, s).full()
     shifts = -np.linalg.lstsq(slopes, moved, rcond=RANK)[0]
-    names = (*study.equations.arguments[3].labels, *problem.motion.sweepable)
     n = len(form.states)
     directions = np.vstack([shifts, np.eye(len(p), len(names))])
     columns = [function(0.0, x, u, p, directions[:, k]).full().ravel() for k in range(len(names))]

@@ -346,7 +346,7 @@ def _outputs_jacobian(e: Evidence, k: int) -> float:
     directions = np.zeros((len(x), 1 + len(x) + len(s.u) + len(s.p)))
     directions[:, 1 : 1 + len(x)] = np.diag(units)
     wanted, rows = _along(e, "outputs", k, directions), _output_units(e)
-    ours = e.graph("outputs_jacobian", s.t, x, s.u, s.p) * units
+    ours = e.graph("outputs_jacobian", s.t, x, s.u, s.p).reshape(-1, len(x)) * units
     here = e.graph("outputs", s.t, x, s.u, s.p) / rows
     pairs = zip(ours.T, wanted.T)
     return worst([_error(a / rows, b / rows, here) for a, b in pairs]) / _growth(e, k)

@@ -54,6 +54,17 @@ def test_external_functions_have_names_and_sparse_jacobians(cart_pole):
     assert by_x == symbols.function("dynamics").jacobian().sparsity_out(1)
 
 
+@pytest.mark.parametrize("x", [np.zeros(5), np.zeros((4, 2)), np.zeros((1, 4)), [0.0] * 3])
+def test_arguments_of_another_size_are_refused(cart_pole, x):
+    """Seen: more entries were left out, and of a matrix all but its first column."""
+    symbols = generated(cart_pole, "casadi")
+    with pytest.raises(ValueError, match=r"x is .* and should be 4 × 1"):
+        symbols.dynamics(0.0, x)
+    with pytest.raises(ValueError, match="u is 2, and should be 1 × 1"):
+        symbols.dynamics(0.0, [0.0] * 4, [1.0, 2.0])
+    assert symbols.dynamics(0.0, np.zeros((4, 1)), [1.0]).shape == (4, 1)
+
+
 def test_what_was_built_passes_again(cart_pole):
     assert all(result.passed for result in check(cart_pole))
 

@@ -42,6 +42,8 @@ assert.equal(many[1].status, "ok");
 assert.throws(() => model.dynamics(0, [NaN, 0, 0, 0]), (e) => e instanceof Failure && e.status === 3);
 assert.throws(() => model.dynamics(0, [0, 0]), RangeError);
 assert.throws(() => model.simulate(times, start, { integrator: "euler" }), Failure);
+for (const wrong of [[], [1, 0], [0, 2, 1], [0, NaN], [NaN, 1], [0, Infinity]])
+    assert.throws(() => model.simulate(wrong, start), RangeError);
 const short = model.simulate(times, start, { maxSteps: 1, rtol: 1e-13 });
 assert(short.status !== "ok" && Number.isNaN(short.x[11]));
 """

@@ -351,3 +351,9 @@ def test_a_coordinate_may_be_called_power_and_a_model_may_have_no_parameters(tmp
     assert str(again) == str(stopped.value) and again.partial.status == stopped.value.partial.status
     linear = hamel.linearize(tmp_path / "m.yaml")
     assert len(linear.A) == len(linear.states) == 3
+
+
+def test_declared_speeds_of_a_model_with_states_and_no_parameters(tmp_path):
+    text = RC + "quasi_velocities: {d: [2*der(power)]}\ninitial: {der(power): 1 rad/s}\n"
+    (tmp_path / "m.yaml").write_text(text)
+    assert hamel.simulate(tmp_path / "m.yaml", time=1.0).energy_balance < 1e-9

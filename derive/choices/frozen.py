@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from derive.choices.limits import RANK
 from derive.choices.resolution import Resolved, carried_out
-from derive.choices.survey import Survey
+from derive.choices.survey import Survey, direction_names
 from derive.choices.walk import Dependent, Undetermined
 from derive.diagnostics import AssumptionError
 from derive.mechanics.records import RowForm
@@ -27,9 +27,11 @@ DIGITS = 12  # of the numbers in B: any numbers near N₀ will do, these are the
 def frozen(survey: Survey, choice: Choice) -> Resolved:
     """The choice w = N₀ᵀ v with the numbers N₀ from `tangent`. Raises AssumptionError where A has
     not its full rank at the initial state, or the basis is of no use elsewhere."""
+    directions = tangent(survey)
+    names = direction_names(survey.system, len(directions))
     rows = [
-        RowForm(f"w{k + 1}", (), tuple((j, float(x)) for j, x in enumerate(direction) if x != 0.0))
-        for k, direction in enumerate(tangent(survey))
+        RowForm(name, (), tuple((j, float(x)) for j, x in enumerate(direction) if x != 0.0))
+        for name, direction in zip(names, directions)
     ]
     try:
         return carried_out(

@@ -15,7 +15,7 @@ import casadi as ca
 from derive.choices.explicit import Explicit
 from derive.choices.reduction import Reduction, symbols_for
 from derive.choices.resolution import Resolved, judged, resolved
-from derive.choices.survey import Survey
+from derive.choices.survey import Survey, direction_names
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
 from derive.expressions.scalars import Vector
@@ -46,7 +46,7 @@ def mass_orthogonal(survey: Survey, choice: Choice) -> Resolved:
 
 def _in_momenta(system: System, base: Reduction) -> tuple[Reduction, Explicit]:
     """v and σ over the momenta w, from S and v₀ of a partition: see the head of this module."""
-    names = tuple(f"w{k + 1}" for k in range(len(base.names)))
+    names = direction_names(system, len(base.names))
     w, N = symbols_for(names), base.S
     B = ca.mtimes(N.T, system.M)
     inverse = _inverse(ca.mtimes(B, N))

@@ -20,6 +20,7 @@ from derive.choices.limits import MINORS, ROWS, SINGULAR
 from derive.choices.records import Frame, Guard
 from derive.choices.reduction import Reduction, symbols_for
 from derive.choices.redundancy import Independent
+from derive.choices.survey import direction_names
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import dot, is_zero, minus
 from derive.mechanics.records import System
@@ -83,7 +84,7 @@ def _reduction(
     frame: Frame | None,
 ) -> Reduction:
     """v = N w + A⁺ c; σ is the derivative of that along the motion, with w held."""
-    names = tuple(f"w{k + 1}" for k in range(len(N)))
+    names = direction_names(system, len(N))
     w = symbols_for(names)
     S = _columns(N, system.v.numel())
     v = ca.mtimes(S, w) + _particular(A, [c[i] for i in range(len(kept))])

@@ -287,9 +287,18 @@ def _ways(blocks: Sequence[Sequence[Sequence[RowForm]]]) -> list[tuple[int, ...]
 
 def speed_name(system: System, j: int) -> str:
     """What the quasi-velocity that is generalized velocity j is called: q_dot, base_vx; with _w
-    behind it where an entry of the state has that name already."""
+    behind it where something of the model has that name already."""
     velocity = system.model.velocities[j]
-    name = f"{velocity.rate_of}_dot" if velocity.rate_of else velocity.name.replace(".", "_")
-    while system.model.is_state(name):
+    natural = f"{velocity.rate_of}_dot" if velocity.rate_of else velocity.name.replace(".", "_")
+    return _free(system, natural)
+
+
+def direction_names(system: System, count: int) -> tuple[str, ...]:
+    """What quasi-velocities along directions are called: w1, w2 …, in the same way."""
+    return tuple(_free(system, f"w{k + 1}") for k in range(count))
+
+
+def _free(system: System, name: str) -> str:
+    while system.model.is_taken(name):
         name += "_w"
     return name

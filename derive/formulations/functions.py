@@ -84,7 +84,10 @@ def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
         ),
         with_frame(
             Argument(
-                "p", system.p[: len(free)], tuple(x.name for x in free), tuple(x.unit for x in free)
+                "p",
+                system.p[: len(free), 0],
+                tuple(x.name for x in free),
+                tuple(x.unit for x in free),
             ),
             motion.frame,
         ),

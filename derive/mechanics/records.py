@@ -254,7 +254,7 @@ class System:
     @property
     def own_p(self) -> ca.SX:
         """p without the states."""
-        return self.p[: len(self.own_parameters)]
+        return self.p[: len(self.own_parameters), 0]  # 0 × 1 of none
 
     @property
     def own_parameters(self) -> tuple[float, ...]:

@@ -423,9 +423,11 @@ class Model:
         """Which entry of q that coordinate is. Raises ValueError where there is none."""
         return _index(self._coordinates, name)
 
-    def is_state(self, name: str) -> bool:
-        """Whether a coordinate or a first-order state has that name."""
-        return name in self._coordinates or any(state.name == name for state in self.states)
+    def is_taken(self, name: str) -> bool:
+        """Whether something that stands beside quasi-velocities has that name: a coordinate, a
+        first-order state, a parameter, an input or an output."""
+        others = (*self.states, *self.parameters, *self.inputs, *self.outputs)
+        return name in self._coordinates or any(item.name == name for item in others)
 
     def velocity_index(self, name: str) -> int:
         """Which entry of v that generalized velocity is. Raises ValueError where there is none."""

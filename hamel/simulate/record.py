@@ -125,17 +125,18 @@ def _rows(source: Source, simulation: Simulation, name: str) -> np.ndarray:
 
 
 def _columns(source: Source, simulation: Simulation, groups: Mapping[str, Columns]) -> Columns:
-    """Everything of the model by name, a value per row."""
-    return {
-        "t": simulation.t,
-        **groups["coordinates"],
-        **groups["quasi-velocities"],
-        **_labelled(source, simulation, "velocity"),
+    """Everything of the model by name, a value per row; a declared quasi-velocity with the name of
+    an output, or the like, has _w behind it."""
+    named = {
         **groups["states"],
         **_constant_inputs(source, simulation),
         **groups["inputs"],
         **groups["outputs"],
     }
+    speeds = groups["quasi-velocities"].items()
+    own = {f"{name}_w" if name in named else name: values for name, values in speeds}
+    v = _labelled(source, simulation, "velocity")
+    return {"t": simulation.t, **groups["coordinates"], **own, **v, **named}
 
 
 def _measured(source: Source, simulation: Simulation) -> Columns:

@@ -153,7 +153,7 @@ class Run:
         work, shape = self.work, self.t.shape
         if name == "t":
             return self.t
-        if name in work.states:
+        if name in work.states and name not in work.outputs:
             return self.x[:, :, work.states.index(name)]
         if name in work.inputs:
             return np.broadcast_to(self._inputs()[:, :, work.inputs.index(name)], shape)

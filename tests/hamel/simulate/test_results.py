@@ -127,3 +127,21 @@ def test_a_name_of_the_model_is_not_taken_by_an_energy(tmp_path: Path) -> None:
     total = found.motion["kinetic_energy"] + found.motion["potential_energy"]
     assert total - total[0] == pytest.approx(found.motion["work_done"], abs=1e-9)
     assert found.measures["T"] is found.motion["kinetic_energy"] and found.energy_balance < 1e-12
+
+
+def test_a_speed_with_the_name_of_an_output_stands_beside_it(tmp_path: Path) -> None:
+    """w1 and q_dot are what quasi-velocities are called by themselves."""
+    outputs = "outputs: {q_dot: 100*V, w1: 5*V, V_dot: 2*V}\n"
+    choices = "quasi_velocities: {a: auto, o: orthonormal, own: {w1: der(T), r: der(V)}}\n"
+    text = OWN_NAMES.replace("outputs: {position_violation: 3*T}\n", outputs + choices)
+    (tmp_path / "m.yaml").write_text(text)
+    for choice in ("a", "o", "own"):
+        found = hamel.simulate(tmp_path / "m.yaml", time=1.0, step=0.5, choice=choice)
+        assert found.motion["V_dot"] == pytest.approx(2 * found.motion["V"])
+        assert found.motion["w1"] == pytest.approx(5 * found.motion["V"])
+        assert "w1_w" in found.motion  # `auto` takes the rows that are declared
+    assert list(found.motion["w1_w"]) == [0.0] * 3
+    (tmp_path / "m.yaml").write_text(text.replace(choices, ""))
+    assert "V_dot_w" in hamel.simulate(tmp_path / "m.yaml", time=1.0).motion
+    plain = hamel.simulate(tmp_path / "m.yaml", time=1.0, step=0.5, formulation="augmented")
+    assert not [name for name in plain.motion if name.endswith(")_w")]

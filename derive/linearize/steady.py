@@ -53,6 +53,7 @@ class Problem:
     kinematics: Kinematics
     speeds: ca.Function  # (t, q, p) → B of w = B v
     declared: dict[str, ca.Function]  # (t, q, p) → row of a quasi-velocity that the file declares
+    pivots: ca.Function  # (x, u, p) → what is divided by, in units of the least that is let through
     names: tuple[str, ...]  # what is held
     held: ca.Function  # (p, s) → its values
     scale: np.ndarray  # one of each unknown
@@ -118,6 +119,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
     y = ca.vertcat(x, u)
     B = equations.term("B")
     known = [x, u, p, s]
+    pivots = [guard.value / guard.tolerance for guard in equations.function("dynamics").guards]
     return Problem(
         equations=equations,
         motion=motion,
@@ -136,6 +138,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
             name: ca.Function("row", [system.t, system.q, system.own_p], [ca.densify(row)])
             for name, row in speed_rows(system).items()
         },
+        pivots=ca.Function("pivots", [x, u, p], [ca.substitute(_column(pivots), t, 0.0)]),
         names=tuple(wanted),
         held=ca.Function("held", [p, s], [_column(list(wanted.values()))]),
         scale=scales(system.model).all_of(
@@ -303,6 +306,14 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
     return y
 
 
+def check_pivots(found: Problem, y: np.ndarray, p: np.ndarray) -> None:
+    """What the equations divide by is there at the motion y = (x, u): else rates of speeds were
+    solved for that mean nothing. Raises AssumptionError."""
+    pivots = found.pivots(*np.split(y, [found.function.size1_in(0)]), p).full()
+    if np.any(np.abs(pivots) < 1.0):
+        raise _singular(found)
+
+
 def row_sizes(found: Problem, J: np.ndarray) -> np.ndarray:
     """One of each row in the model's own units; of a position row, which does not say its unit,
     what its slopes J say."""
@@ -336,12 +347,16 @@ def _evaluated(
     values, slopes = found.function(y[:nx], y[nx:], p, s)
     R, J = np.asarray(values).ravel(), np.asarray(slopes)
     if not (np.all(np.isfinite(R)) and np.all(np.isfinite(J))):
-        raise AssumptionError(
-            f"the equations of '{found.equations.choice}' are singular near the steady motion "
-            f"'{found.motion.name}'",
-            "another choice of quasi-velocities, or other guesses",
-        )
+        raise _singular(found)
     return R, J
+
+
+def _singular(found: Problem) -> AssumptionError:
+    return AssumptionError(
+        f"the equations of '{found.equations.choice}' are singular near the steady motion "
+        f"'{found.motion.name}'",
+        "another choice of quasi-velocities, or other guesses",
+    )
 
 
 def _damped(

@@ -17,7 +17,14 @@ from derive.linearize.limits import DEPENDENT, SAME_ROWS, SPREADS, STUDY_SAMPLES
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
 from derive.linearize.records import Linear, Steady
 from derive.linearize.spectrum import Stage, deflated, families, in_units
-from derive.linearize.steady import Problem, family, problem, residuals_of, settled
+from derive.linearize.steady import (
+    Problem,
+    check_pivots,
+    family,
+    problem,
+    residuals_of,
+    settled,
+)
 from derive.model.records import SteadyMotion
 from derive.numerics import refuses_numerically
 from derive.states.scales import scales
@@ -141,6 +148,7 @@ def study(
     s = np.array([given[name] for name in motion.sweepable])
     y = settled(result, p, s)
     _check_rank(equations, motion, y, p)
+    check_pivots(result, y, p)
     form = linear(equations, y[: equations.system.q.numel()], p)
     places = tuple(k for k, j in enumerate(form.independent) if j in left_out)
     remaining = tuple(k for k in range(len(form.states)) if k not in places)

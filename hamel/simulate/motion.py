@@ -105,7 +105,7 @@ def integrated(
     except FloatingPointError as error:
         if status_of(error) is Status.MORE and most < MOST_STEPS:
             raise Unfinished(vars(error)["partial"], watch.covered) from None
-        raise _refusal(error, by) from error.__cause__
+        raise _refusal(error, by, equations) from error.__cause__
     arrays = {"t": simulation.t, "x": simulation.x, "work": simulation.work}
     return replace(simulation, **{name: array.astype(float) for name, array in arrays.items()})
 
@@ -151,11 +151,17 @@ class _Covered:
             self.watch(covered)
 
 
-def _refusal(error: FloatingPointError, by: Stepping) -> AssumptionError:
+def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> AssumptionError:
     """Why there is no motion, and what may help."""
     status = status_of(error)
     if status in (Status.NO_INPUT, Status.NO_EVENT):
         return InputError(str(error))
+    if not equations.system.rows:  # one choice is as good as another
+        hint = (
+            "a formula or load may have no value there, such as the direction of a spring between "
+            "points that meet, or the motion grows without bound"
+        )
+        return AssumptionError(str(error), hint)
     hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
     coarse = by.step_size is not None or by.rtol >= FINEST
     if not coarse and status is Status.SINGULAR_POSITION:

@@ -615,3 +615,27 @@ def test_the_page_of_a_bicycle_gives_its_verdict_in_one_line(tmp_path):
 )
 def test_what_rounding_leaves_of_a_part_is_not_shown(pair, text):
     assert linearized_text(pair) == text
+
+
+SLEIGH_ON_ITS_EDGE = """
+model: sleigh
+coordinates: {x: m, y: m, th: rad}
+parameters: {m: 2 kg, I: 0.1 kg*m^2, a: 0.1 m, F: 5 N}
+kinetic: m/2*((der(x)-a*sin(th)*der(th))^2 + (der(y)+a*cos(th)*der(th))^2) + I/2*der(th)^2
+forces: {x: -F*cos(th), y: -F*sin(th)}
+constraints: {edge: {nonholonomic: der(y)*cos(th) - der(x)*sin(th)}}
+initial: {der(th): 5 rad/s, th: 30 deg}
+"""
+
+
+def test_no_motion_is_steady_where_the_choice_is_singular():
+    """y_dot = u sin θ rests where sin θ = 0, whatever u does. Along (u, θ̇) the sleigh spins at
+    √(F/ma) = 5 rad/s, and swings by ±i θ̇ /√(1 + I/ma²) √2 about that."""
+    model = load_text(SLEIGH_ON_ITS_EDGE)
+    found = equations(system(model))
+    with pytest.raises(AssumptionError, match="singular near the steady motion 'guess'"):
+        study(found, motion_of(found, None))
+    found = equations(system(model), choice="orthonormal")
+    result = study(found, motion_of(found, None))
+    size = 5 * np.sqrt(2 / (1 + 0.1 / (2 * 0.1**2)))
+    assert eigenvalues(result.along({}))[0] == pytest.approx([size * 1j, -size * 1j], abs=1e-8)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from codegen import compiler
+from derive.expressions.units import UNITS
 from derive.model import load, load_text
 from derive.states import system
 from derive.states.initial import initial_state
@@ -159,3 +160,10 @@ def test_no_command_that_is_run_with_the_site_asks_another_machine(execution) ->
     for page in execution.EXECUTED:
         blocks = execution.FENCE.findall(execution._whole(DOCS / page))
         assert not [text for language, text in blocks if language == "sh" and "://" in text], page
+
+
+def test_every_unit_is_listed() -> None:
+    page = (ROOT / "docs" / "models.md").read_text("utf-8")
+    named = re.search("Units are `([^`]*)`, and with a prefix\n`([^`]*)`", page)
+    assert named is not None
+    assert f"{named[1]}, {named[2]}".split(", ") == list(UNITS)

@@ -48,7 +48,8 @@ _MACROS = _words(
 _ENDING_IN_OK = _words("r w x f")
 LANGUAGE = frozenset({"t", "pi", "der", "ground", "guess", *FUNCTIONS, *OUTPUT_FUNCTIONS})
 _MODULES = (
-    frozenset({"numpy", "hamel", "derive", "codegen", "casadi", "sympy"}) | sys.stdlib_module_names
+    frozenset({"numpy", "hamel", "derive", "codegen", "casadi", "sympy", "jax", "numba"})
+    | sys.stdlib_module_names
 )
 
 

@@ -329,8 +329,8 @@ class Reader:
                     node.span,
                     f"{where} that depends on parameters",
                     "numbers",
-                    "a frame that is turned with `angle` or `rpy`: of the joint, or of a body that is "
-                    "fixed so to the one meant",
+                    "a frame turned with `angle` or `rpy`: of the joint, or of a body fixed so to "
+                    "the one meant",
                 )
             return given
         return self._normalised(given, node.span, where)

@@ -17,8 +17,8 @@ from derive.mechanics.tree import (
     Positions,
     ground_positions,
     ground_rotations,
+    nearest_carrier,
     origin_on,
-    path,
     twists,
 )
 from derive.model.records import (
@@ -76,25 +76,21 @@ class Scene:
         """As a constraint between these bodies sees it: positions are counted from the link that
         carries all of them, in ground axes. What it does is not between them, and would leave
         rounding; where they are parts of one link nothing is, and that stands still."""
-        where = {body: self.places[body] for body in bodies}
-        paths = [path(self.links, place.link) for place in where.values()]
-        shared = [i for i, *others in zip(*paths) if set(others) <= {i}]
-        if not shared or not paths[0]:
+        first, second = (self.places[body].link for body in bodies)
+        carrier, beyond = nearest_carrier(self.links, first, second)
+        if carrier < 0:
             return self
-        if len({place.link for place in where.values()}) == 1:
-            resting = {body: replace(place, link=-1) for body, place in where.items()}
+        if not beyond:
+            resting = {body: replace(self.places[body], link=-1) for body in bodies}
             return replace(self, places=self.places | resting)
-        near = self.with_symbols(self.symbols)
-        vars(near)["positions"] = self._positions_from(shared[-1], paths)
-        return near
-
-    def _positions_from(self, carrier: int, paths: Sequence[Sequence[int]]) -> dict[int, Vector]:
         found: dict[int, Vector] = {carrier: NOTHING}
-        for i in (i for way in paths for i in way[way.index(carrier) + 1 :]):
+        for i in beyond:
             link = self.links[i]
             above = (found[link.parent], self.rotations[link.parent])
             found[i] = origin_on(above, link, self.rotations[i])
-        return found
+        near = self.with_symbols(self.symbols)
+        vars(near)["positions"] = found
+        return near
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """d/dt of a function of t and q: ∂/∂t + ∂/∂q N v."""

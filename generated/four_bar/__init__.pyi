@@ -33,7 +33,7 @@ def threaded(function: Callable[..., NDArray[np.float64]], threads: int) -> Call
     """The function for batches, their first axis divided among threads."""
 
 def dynamics(
-    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+    t: ArrayLike, x: ArrayLike, u: ArrayLike, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ): shape (..., 4)."""
 
@@ -63,7 +63,7 @@ def project(
     """nearest consistent state: q on φ = 0, w kept: shape (..., 4)."""
 
 def reactions(
-    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+    t: ArrayLike, x: ArrayLike, u: ArrayLike, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """multipliers λ of M v̇ + h = Q + Aᵀ λ: the force along each constraint row: shape (..., 2)."""
 
@@ -73,7 +73,7 @@ def energy(
     """kinetic and potential energy T, V: shape (..., 2)."""
 
 def power(
-    t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
+    t: ArrayLike, x: ArrayLike, u: ArrayLike, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """power of forces without potential: d(T + V)/dt: shape (..., 1)."""
 

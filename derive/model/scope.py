@@ -31,9 +31,15 @@ ANYTHING = MOTION | {INPUT, STATE}
 NONIDEAL = ANYTHING | {REACTION}
 
 
-# how others write the rate of a coordinate: q_dot, qdot, q_d, dq, dq_dt, Dq, d_q, dot_q, and qd1
-_RATE = re.compile(r"(?:dot_?|[dD]_?)(?P<after>\w+?)(?:_?dt)?|(?P<before>\w+?)_?(?:dot|d)")
-_INSIDE = re.compile(r"(?P<stem>[a-z]+)(?:dot|d)(?P<number>_?\d+)")
+# how others write the rate of a coordinate: q_dot, qdot, q_d; dq, dq_dt, Dq, d_q, dot_q; and qd1
+_RATES = tuple(
+    re.compile(way)
+    for way in (
+        r"(?P<q>\w+?)_?(?:dot|d)",
+        r"(?:dot_?|[dD]_?)(?P<q>\w+?)(?:_?dt)?",
+        r"(?P<q>[a-z]+)(?:dot|d)(?P<number>_?\d+)",
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -50,8 +56,8 @@ class Symbol:
 
 def rate_meant(name: str, usable: Sequence[str]) -> str:
     """Which der(q) a name may stand for, as a question; nothing where there is none."""
-    guesses = [x["after"] or x["before"] for x in [_RATE.fullmatch(name)] if x]
-    guesses += [x["stem"] + x["number"] for x in [_INSIDE.fullmatch(name)] if x]
+    matches = [way.fullmatch(name) for way in _RATES]
+    guesses = ["".join(match.groups()) for match in matches if match]
     found = next((rate for q in guesses if (rate := f"der({q})") in usable), "")
     return f"did you mean '{found}'?" if found else ""
 

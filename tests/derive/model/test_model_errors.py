@@ -168,6 +168,14 @@ ERRORS = [
         "did you mean 'der(q)'?",
     ),
     (
+        "rate_of_what_starts_with_a_d",
+        ARM.replace("coordinate: q", "coordinate: dist")
+        + "loads: {d: {type: expression, joint: A, expression: «dist_dot}}\n",
+        "unknown name 'dist_dot'",
+        "dist, t",
+        "did you mean 'der(dist)'?",
+    ),
+    (
         "quote_without_an_end",
         "model: a\ndescription: 'of an arm\n«",
         "not valid YAML: found unexpected end of stream (while scanning a quoted scalar that starts on line 2)",

@@ -14,7 +14,7 @@ from derive.expressions.dimensions import infer
 from derive.expressions.evaluate import number
 from derive.expressions.limits import objection
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression
+from derive.expressions.parser import expression, quantity
 from derive.expressions.parser import unit as parsed_unit
 
 if TYPE_CHECKING:
@@ -134,6 +134,10 @@ def parsed(name: str, text: str, unit: str | None, parameters: Mapping[str, floa
 
 
 def _evaluated(name: str, text: str, unit: str | None, parameters: Mapping[str, float]) -> float:
+    # as in a file, `50 N/m` is a quantity where a parameter is called m, too
+    plain = quantity(text)
+    if plain is not None and plain.unit and unit is not None and _same(plain.unit, unit):
+        return plain.value
     formula = expression(text, parameters)
     strange = [
         node.name
@@ -152,3 +156,8 @@ def _evaluated(name: str, text: str, unit: str | None, parameters: Mapping[str, 
             f"{name} is set to '{text}', which is no quantity in {unit or 'plain numbers'}"
         )
     return number(formula, parameters, text)
+
+
+def _same(one: str, other: str) -> bool:
+    """Whether two units measure the same."""
+    return parsed_unit(one).dimension == parsed_unit(other).dimension

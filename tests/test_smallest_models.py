@@ -9,7 +9,7 @@ import casadi as ca
 import pytest
 
 import hamel
-from derive.diagnostics import AssumptionError, ModelError
+from derive.diagnostics import AssumptionError, ModelError, VerificationError
 
 SLIDER = {
     "model": "m",
@@ -357,3 +357,28 @@ def test_declared_speeds_of_a_model_with_states_and_no_parameters(tmp_path):
     text = RC + "quasi_velocities: {d: [2*der(power)]}\ninitial: {der(power): 1 rad/s}\n"
     (tmp_path / "m.yaml").write_text(text)
     assert hamel.simulate(tmp_path / "m.yaml", time=1.0).energy_balance < 1e-9
+
+
+GAP = """\
+model: gap
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies: {a: {mass: 1 kg}, b: {mass: 1 kg, com: [0.2, 0], inertia: 0.02}, c: {mass: 1 kg}}
+joints:
+  A: {type: revolute, parent: ground, child: a, coordinate: q1}
+  B: {type: revolute, parent: a, child: b, at: [0.2, 0], coordinate: q2}
+  C: {type: revolute, parent: ground, child: c, at: [0.4, 0], coordinate: q3}
+closures: {D: {type: revolute, between: [b, c], at: [[0.4, 0], [0.3, 0]]}}
+initial: {q1: 60 deg, guess: {q2: -30 deg, q3: 80 deg}}
+outputs: {gap: "distance(b, [0.4, 0], c, [0.3, 0])"}
+"""
+
+
+def test_an_output_may_be_what_a_closure_holds_at_zero(tmp_path):
+    path = tmp_path / "gap.yaml"
+    path.write_text(GAP, "utf-8")
+    hamel.build(path, out=tmp_path / "gap")
+    assert hamel.verify(path).passed
+    # it has no slope there
+    with pytest.raises(VerificationError, match=r"outputs_jacobian of gap has no value at state"):
+        hamel.build(path, out=tmp_path / "slopes", functions=["outputs_jacobian"])

@@ -46,7 +46,7 @@ def check_all(
     equations: Equations, checks: tuple[CheckResult, ...], then: str, where: str = ""
 ) -> None:
     """Raise VerificationError where one of the checks failed; `then` says what does not happen,
-    `where` which state is the hardest."""
+    `where` at which state."""
     failed = [check.failure for check in checks if not check.passed]
     if failed:
         raise VerificationError(

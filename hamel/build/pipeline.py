@@ -168,7 +168,7 @@ def _verification(
     derivation."""
     model, states = equations.system.model, affordable(equations, states)
     verification = quick_verification(model, equations, module, states, functions=emitted)
-    check_all(equations, verification.checks, "nothing is written", verification.hardest)
+    check_all(equations, verification.checks, "nothing is written", verification.where)
     return verification
 
 

@@ -109,7 +109,7 @@ def judged(path: Path, model: Model, entry: Extreme) -> ExtremeRow:
         if not entry.refused and isinstance(error, ModelError):
             raise
         return _refused(model, entry, error.diagnostics[0].message)
-    wanted = _reference(model, entry)
+    wanted = _reference(model, entry, _end(run))
     error = _error(model, run, wanted.values)
     good = error <= (np.inf if entry.tolerance is None else entry.tolerance)
     fewest, scipy = _steps(path, model, entry, wanted.values) if good else (None, None)
@@ -143,6 +143,11 @@ def _run(path: Path, entry: Extreme) -> Simulated:
         "quasi_velocities", *named, entry.integrator, None, entry.rtol, None, real=entry.real
     )
     return simulation(path, method, Rows(entry.time, entry.time), dict(entry.values))
+
+
+def _end(run: Simulated) -> float:
+    """When the motion ended, in s: an event may have stopped it before its time."""
+    return run.time if run.stopped_by is None else run.events[run.stopped_by][-1]
 
 
 def _steps(
@@ -228,8 +233,8 @@ def _precision(entry: Extreme) -> str:
     return "" if entry.real == REAL else f", {entry.real}"
 
 
-def _reference(model: Model, entry: Extreme) -> Ended:
-    """The closed form of the file, else a solution of many digits."""
+def _reference(model: Model, entry: Extreme, time: float) -> Ended:
+    """The closed form of the file, else a solution of many digits at `time`."""
     system = mechanics_of(model)
     given = settings(model, dict(entry.values))
     if entry.end:
@@ -242,7 +247,7 @@ def _reference(model: Model, entry: Extreme) -> Ended:
         try:
             plain = equations(system, choice)
             x = tuple(map(float, state_of(plain, start, np.array(p))))
-            result = solution(Problem(plain, x, u, p, tuple(given.initial)), [entry.time], DIGITS)
+            result = solution(Problem(plain, x, u, p, tuple(given.initial)), [time], DIGITS)
         except (AssumptionError, NotAnalytic, Stopped) as error:
             problem = str(error)
             continue
@@ -260,11 +265,13 @@ def _reference(model: Model, entry: Extreme) -> Ended:
 
 def _error(model: Model, found: Simulated, wanted: dict[str, float]) -> float:
     """The largest difference, in radians for angles, else relative to the largest value of the same
-    unit at the end."""
+    unit at the end. Where an event stops a motion a length may be zero by that: then the start
+    counts, too."""
     units = {item.name: item.unit for item in (*model.coordinates, *model.velocities)}
     scales = {"rad": 1.0}
     for name, value in wanted.items():
-        scales[units[name]] = max(scales.get(units[name], 0.0), abs(value))
+        start = found.motion[name][0] if found.stopped_by else 0.0
+        scales[units[name]] = max(scales.get(units[name], 0.0), abs(value), abs(start))
     pairs = _turned(model, found, wanted)
     errors = [
         abs(found.final[name] - value) / (scales[units[name]] or 1.0) for name, value in pairs

@@ -43,7 +43,9 @@ class Verification:
     rank: int = 0
     region: tuple[tuple[str, float, float], ...] = ()
     varied: tuple[str, ...] = ()
-    hardest: str = ""  # where checks fail: the state at which the choice is nearest to singular
+    where: str = (
+        ""  # of checks that fail: a result without a value, or the state nearest to singular
+    )
 
     @property
     def failed(self) -> tuple[CheckResult, ...]:

@@ -24,6 +24,7 @@ from hamel.verify.reference.vectors import Array
 
 SHOWN = 8  # coordinates of a state that a message quotes
 NOTHING = 1e-9  # in the model's own units
+HARMLESS = 1e6  # a condition that leaves every result its value
 ENOUGH = 0.5  # at least this part of the states asked for must be found
 
 
@@ -103,26 +104,53 @@ def _verdict(
     rank = max((s.outcome.rank for s in seen.samples), default=0)
     return Verification(
         seen.system.model.name, choice, passed, result, len(seen.samples), seed, rank,
-        _region(seen), varied(seen.samples, seen.system), "" if passed else _hardest(seen),
+        _region(seen), varied(seen.samples, seen.system), "" if passed else _where(seen, result),
     )  # fmt: skip
 
 
-def _hardest(seen: Evidence) -> str:
-    """The state where the choice is nearest to singular, its condition, and what else to try."""
+def _where(seen: Evidence, results: Sequence[CheckResult]) -> str:
+    """A result without a value, where there is one, and the state that is nearest to singular; not
+    the latter where it is far from that and says nothing about the former."""
+    lost = any(not math.isfinite(result.value) for result in results)
+    missing = _without_value(seen) if lost else ""
     conditions = seen.own_conditions(seen.graph)
-    if not conditions:
-        return ""
+    near = bool(conditions) and not (missing and max(conditions) < HARMLESS)
+    return "; ".join(part for part in (missing, _hardest(seen, conditions) if near else "") if part)
+
+
+def _hardest(seen: Evidence, conditions: Sequence[float]) -> str:
+    """The state where the choice is nearest to singular, its condition, and what else to try."""
     worst_place = int(np.argmax(conditions))
-    names = [x.name for x in seen.system.model.coordinates][:SHOWN]
-    values = [f"{n} = {x:.4g}" for n, x in zip(names, seen.samples[worst_place].q)]
-    more = ", …" if len(seen.system.model.coordinates) > SHOWN else ""
     own = seen.graph.equations.choice
     others = [f"--choice {x.name}" for x in seen.system.model.choices if x.name != own]
     return (
-        f"cond [A; B] is largest, {conditions[worst_place]:.2g}, at state {worst_place} "
-        f"({', '.join(values)}{more}); where that is the cause, "
+        f"cond [A; B] is largest, {conditions[worst_place]:.2g}, at "
+        f"{_position(seen, worst_place)}; where that is the cause, "
         f"{' or '.join([*others[:3], '--formulation maggi'])} may hold"
     )
+
+
+def _without_value(seen: Evidence) -> str:
+    """The first result of the equations that has no value, and where; "" where all have."""
+    for function in seen.graph.equations.functions:
+        values = seen.expected[function.name][0]
+        missing = np.argwhere(~np.isfinite(values))
+        if not len(missing):
+            continue
+        place, entry = map(int, missing[0])
+        labels = function.result.labels
+        row = entry // max(1, function.result.value.size2())
+        of = f" of {labels[row]}" if row < len(labels) else ""
+        return f"{function.name}{of} has no value at {_position(seen, place)}"
+    return ""
+
+
+def _position(seen: Evidence, place: int) -> str:
+    """The number of a state, and some of its coordinates."""
+    names = [x.name for x in seen.system.model.coordinates]
+    values = [f"{n} = {x:.4g}" for n, x in zip(names[:SHOWN], seen.samples[place].q)]
+    more = ", …" if len(names) > SHOWN else ""
+    return f"state {place} ({', '.join(values)}{more})"
 
 
 def _region(seen: Evidence) -> tuple[tuple[str, float, float], ...]:

@@ -45,3 +45,22 @@ def test_mistakes_are_named(name, value, said):
 def test_near_names_are_offered():
     with pytest.raises(HamelError, match="did you mean 'tau'"):
         settings(MODEL, {"tua": 1.0})
+
+
+CART = """model: cart
+plane: xy
+parameters: {m: 2 kg, k: 50 N/m, s: 3}
+bodies: {cart: {mass: m}}
+joints: {rail: {type: prismatic, parent: ground, child: cart, axis: x, spring: {stiffness: s*k}}}
+"""
+
+
+def test_a_quantity_may_have_the_unit_of_a_parameters_name(tmp_path):
+    file = tmp_path / "cart.yaml"
+    file.write_text(CART)
+    model = load(file)
+    assert settings(model, {"k": "40 N/m"}).parameters["k"] == 40.0
+    assert settings(model, {"k": "40 kN / m"}).parameters["k"] == 40e3
+    assert settings(model, {"k": "2*k"}).parameters["k"] == 100.0
+    with pytest.raises(HamelError, match="the model's own name"):
+        settings(model, {"k": "40 N*s/m"})

@@ -41,13 +41,13 @@ COMMON: dict[int, Callable[..., tuple]] = {
 @dataclass(frozen=True)
 class Changes:
     """What arguments (the values of all of them → changes) and constants change by, what an
-    operation passes on (slope, change), and what it adds (code, z, operands). Values are
-    operations × 1 × states, changes operations × kinds × states."""
+    operation passes on (code, slope, change), and what it adds (code, z, operands, their changes).
+    Values are operations × 1 × states, changes operations × kinds × states."""
 
     argument: Callable[[Array], Array]
     number: Callable[[Array], Array]
-    passed: Callable[[Any, Array], Array]
-    added: Callable[[int, Array, list[Array]], Array]
+    passed: Callable[[int, Any, Array], Array]
+    added: Callable[[int, Array, list[Array], list[Array]], Array]
 
 
 def carried(
@@ -105,12 +105,12 @@ def _at(
         operands = [values[these] for these in step.operands]
         z, *slopes = formula(step.code, len(operands))(*operands)
         total = np.zeros((len(step.results), kinds, len(states)))
-        for slope, these in zip(slopes, step.operands):
-            change = changed[these]
+        given_changes = [changed[these] for these in step.operands]
+        for slope, change in zip(slopes, given_changes):
             # what does not change passes nothing on, however steep: √0, or 0^1.5 over its exponent
-            total += np.where(change == 0.0, 0.0, changes.passed(slope, change))
+            total += np.where(change == 0.0, 0.0, changes.passed(step.code, slope, change))
         values[step.results] = z
-        changed[step.results] = total + changes.added(step.code, z, operands)
+        changed[step.results] = total + changes.added(step.code, z, operands, given_changes)
     return np.moveaxis(changed[list(program.outputs[0])], 0, -1)
 
 

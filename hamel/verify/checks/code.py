@@ -18,6 +18,7 @@ from hamel.charts import in_chart
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import sizes, worst
 from hamel.verify.checks.evidence import Evidence, Row, margins
+from hamel.verify.checks.roundoff import EPSILON
 from hamel.verify.reference.vectors import Array
 
 Call = Callable[..., Array]
@@ -138,8 +139,9 @@ def _error(e: Evidence, name: str, got: Array) -> float:
 def _of_zeros_too(wanted: Array, roundoff: Array) -> Array:
     """Where the graph has an exact zero a loop over columns may compute it: as a sum that cancels,
     with what roundoff does to the others."""
-    zero = ~(wanted.any(axis=0) | roundoff.any(axis=0))
-    return np.where(zero, roundoff.max(axis=1, keepdims=True), roundoff) if zero.any() else roundoff
+    largest = roundoff.max(axis=1, keepdims=True)
+    zero = ~(wanted.any(axis=0) | (roundoff > EPSILON * largest).any(axis=0))
+    return np.where(zero, largest, roundoff) if zero.any() else roundoff
 
 
 def _rightly_refused(e: Evidence, name: str, got: Array) -> Array:

@@ -28,8 +28,8 @@ def tangents(
     changes = Changes(
         argument=lambda _: directions.T[:, :, np.newaxis],
         number=np.zeros_like,
-        passed=np.multiply,
-        added=lambda _, __, ___: np.zeros(1),
+        passed=lambda _, slope, change: slope * change,
+        added=lambda *_: np.zeros(1),
     )
     column = ca.vec(value)
     return carried(arguments, column, given[np.newaxis], changes, len(directions))[:, 0].T

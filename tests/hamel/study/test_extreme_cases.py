@@ -163,6 +163,31 @@ def test_a_wrong_end_is_seen(tmp_path: Path) -> None:
     assert row.outcome == "wrong" and not row.passed
 
 
+FALL = """model: fall
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies: {ball: {mass: 1 kg}}
+joints: {j: {type: prismatic, parent: ground, child: ball, axis: y, coordinate: y}}
+initial: {y: 1 m}
+events: {floor: {formula: y, direction: falling, stop: true}}
+extremes:
+  far: {about: stopped, set: {der(y): 1 m/s}, time: 1, tolerance: 1e-6}
+  closed:
+    {about: stopped, time: 1, tolerance: 1e-6, end: {y: 0 m, "der(y)": "-sqrt(2*9.81 m/s^2*1 m)"}}
+  wrong:
+    {about: stopped, time: 1, tolerance: 1e-6, end: {y: 0 m, "der(y)": "-sqrt(2*9.8 m/s^2*1 m)"}}
+"""
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_motion_that_an_event_stops_is_judged_there(tmp_path: Path, number: int) -> None:
+    path = tmp_path / "fall.yaml"
+    path.write_text(FALL)
+    model = load(path)
+    row = judged(path, model, model.extremes[number])
+    assert row.outcome == ("wrong" if row.case == "wrong" else "survived")
+
+
 # ---- solutions of many digits, at closed forms
 
 KNOWN = {

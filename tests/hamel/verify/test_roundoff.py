@@ -178,3 +178,15 @@ def test_the_bound_covers_sums_in_every_order() -> None:
     for z in orders:
         allowed = 8.0 * bound([a, b, c], z, states)[:, 0]
         assert all((np.abs(x - y) <= allowed).all() for x in got for y in got)
+
+
+def test_the_length_of_a_vector_that_is_rounding_is_bounded():
+    """√(a² + b²) of a = x − y z and b = 0: where both orders of rounding differ the first order
+    says zero."""
+    x, y, z = ca.SX.sym("x"), ca.SX.sym("y"), ca.SX.sym("z")
+    gap = x - y * z
+    length = ca.sqrt(gap**2 + (gap * gap) * ca.SX(0.25))
+    states = np.array([[0.1 * 0.3, 0.1, 0.3], [0.5, 0.25, 2.0], [1.0, 0.5, 1.0]])
+    found = bound([x, y, z], length, states)[:, 0]
+    units = 2.0**-53 * states[:, 0]
+    assert np.all(found >= units) and np.all(found <= 8.0 * units)

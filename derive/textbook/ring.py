@@ -209,16 +209,20 @@ class Ring:
 
     def pythagorean(self, poly: Poly) -> Poly:
         """sin² = 1 − cos² or cos² = 1 − sin², as often as that leaves fewer terms."""
-        before = None
+        before, squared = None, _squared(poly)
         while before is None or len(poly) < before:
             before = len(poly)
             for sine, cosine in self._pairs():
+                # whatever is not there squared is not replaced; most pairs are not
+                if squared.isdisjoint((sine, cosine)):
+                    continue
                 poly = min(
                     poly,
                     self._replaced(poly, sine, cosine),
                     self._replaced(poly, cosine, sine),
                     key=len,
                 )
+                squared = _squared(poly)
         return poly
 
     def over_roots(self, poly: Poly) -> Poly:
@@ -321,6 +325,11 @@ class Ring:
                 return ()
             frequencies.append((atom, x))
         return _oriented(tuple(sorted(frequencies)))[0]
+
+
+def _squared(poly: Poly) -> set[int]:
+    """The atoms that stand squared, or in a higher power, in some term."""
+    return {k for monomial, _ in poly for k, e in monomial if e > 1}
 
 
 def _merged(a: Monomial, b: Monomial) -> Monomial:

@@ -54,7 +54,7 @@ from codegen.program import (
     Solving,
 )
 from derive.formulations import records
-from derive.formulations.functions import positions
+from derive.formulations.projection import positions
 from derive.formulations.records import Equations, Function
 from derive.model.memory import without_collections
 

@@ -19,7 +19,8 @@ import numpy as np
 
 from derive.choices.limits import LEAST_VIOLATION, ROUNDOFF, SHORT_TIME, STEP
 from derive.choices.named import carried_through, declared
-from derive.choices.resolution import Ranking, Resolved, ranked_partitions, score
+from derive.choices.ranking import Ranking, score
+from derive.choices.resolution import Resolved, ranked_partitions
 from derive.choices.survey import Survey, survey_of
 from derive.diagnostics import HamelError
 from derive.mechanics.records import System

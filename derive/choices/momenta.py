@@ -13,8 +13,9 @@ from __future__ import annotations
 import casadi as ca
 
 from derive.choices.explicit import Explicit
+from derive.choices.ranking import judged
 from derive.choices.reduction import Reduction, symbols_for
-from derive.choices.resolution import Resolved, judged, resolved
+from derive.choices.resolution import Resolved, resolved
 from derive.choices.survey import Survey, direction_names
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations

@@ -1,31 +1,21 @@
 """Which quasi-velocities: the user's rows, an orthonormal basis, or the best partition of the
-generalized velocities.
-
-`auto` ranks candidates by four criteria, in this order: pivots that are numbers or parameters
-alone (they can never vanish), light bodies that are not told by heavy ones, the conditioning of
-[A; B] over sampled consistent states, and the operations of ẋ.
-"""
+generalized velocities (derive/choices/ranking.py says by what)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
-from math import ceil, comb, log10
 
 import casadi as ca
 import numpy as np
 
+from derive.choices.candidates import candidates
 from derive.choices.elimination import Beginning
 from derive.choices.explicit import Explicit, explicit
 from derive.choices.limits import (
     FEW,
     FINALISTS,
-    HEAVY,
-    LIGHT,
-    MOST_SUBSETS,
     NAMED,
-    REGULAR,
     ROUNDOFF,
     SETTLED,
     TELLING,
@@ -33,6 +23,7 @@ from derive.choices.limits import (
     WORTHWHILE,
 )
 from derive.choices.orthonormal import orthonormal
+from derive.choices.ranking import Ranking, judged, numeric_rows, reason_of, score
 from derive.choices.reduction import (
     Reduction,
     Task,
@@ -41,38 +32,15 @@ from derive.choices.reduction import (
     first_rows,
     unreduced,
 )
-from derive.choices.survey import Survey, even_rows, evened, row_lengths, speed_name, ways_of
+from derive.choices.survey import Survey, even_rows, row_lengths, ways_of
 from derive.choices.walk import Dependent, Undetermined
-from derive.diagnostics import NAMES, AssumptionError, listed
+from derive.diagnostics import AssumptionError
 from derive.expressions.counting import alternatives
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_one
 from derive.mechanics.records import Carried, RowForm, System
 from derive.mechanics.rows import velocity_row
 from derive.model.records import Choice
-from derive.numerics import NONZERO
-from derive.states.sparse import Sparse, squares, stacked
-
-Score = tuple[tuple[int, bool, int], int, int, int]
-
-
-@dataclass(frozen=True)
-class Ranking:
-    """One candidate: how it was judged. `condition` is the median, `worst` the largest cond [A; B]
-    over the sampled states; `lost` tells by decades what Sᵀ M S loses of light bodies."""
-
-    name: str
-    kind: str
-    rows: tuple[str, ...]
-    constant_pivots: bool
-    condition: float
-    worst: float
-    operations: int
-    pivots: tuple[str, ...]
-    verdict: str
-    followers: int = 0  # speeds that a coupling gives by another coordinate
-    driven: int = 0  # speeds that an input acts on
-    lost: int = 0
 
 
 @dataclass(frozen=True)
@@ -144,20 +112,12 @@ def _culprits(survey: Survey, rows: Sequence[RowForm]) -> str:
     Y = np.vstack(
         [
             survey.rows[0],
-            even_rows(_numeric_rows(survey, _matrix(rows, survey.system.v.numel())))[0],
+            even_rows(numeric_rows(survey, _matrix(rows, survey.system.v.numel())))[0],
         ]
     )
     weights = np.abs(np.linalg.svd(Y)[0][:, -1])
     names = [row.name for row in survey.system.rows] + [row.name for row in rows]
     return "with " + ", ".join(n for n, x in zip(names, weights) if x > NAMED)
-
-
-def _numeric_rows(survey: Survey, B: ca.SX) -> np.ndarray:
-    """The speed rows at the sampled states."""
-    if B.is_constant():
-        return np.tile(ca.DM(B).full(), (len(survey.sampled.t), 1, 1))
-    s = survey.sampled
-    return survey.solver.values(B, s.t, s.q, s.p)
 
 
 def _matrix(rows: Sequence[RowForm], nv: int) -> ca.SX:
@@ -228,7 +188,7 @@ def carried_out(
         )
         return Resolved(ranking, reduction, equations, reason)
     B = _matrix(rows, survey.system.v.numel())
-    sizes = [*survey.form_sizes, *row_lengths(_numeric_rows(survey, B)).tolist()]
+    sizes = [*survey.form_sizes, *row_lengths(numeric_rows(survey, B)).tolist()]
     task = Task(names, B, survey.kept, survey.sampled_for(B), sizes)
     reduction, equations = _least(survey, task, rows)
     ranking = judged(survey, name, kind, names, reduction, equations)
@@ -319,77 +279,6 @@ def _are_the_base(rows: Sequence[RowForm]) -> bool:
     )
 
 
-def judged(
-    survey: Survey,
-    name: str,
-    kind: str,
-    rows: tuple[str, ...],
-    reduction: Reduction,
-    equations: Explicit,
-) -> Ranking:
-    """The ranking of one candidate: conditioning of [A; B] over the sampled states, operations of
-    its equations, and its pivots.
-
-    B is written at the frame of the choice, if it has one, before it becomes numbers. Two counts at
-    the end tell how many of its rows are velocities that follow others, and how many are driven.
-    """
-    B, lost = reduction.at_frame(reduction.B), 0
-    if survey.without_zeros is None:
-        numeric = _numeric_rows(survey, B)
-        conditions, lost = _conditions(survey, numeric), _lost(survey, numeric)
-    else:
-        conditions = _conditions_without_zeros(survey, survey.without_zeros, B)
-    count, pivots = equations.operations, reduction.pivots
-    return Ranking(
-        name,
-        kind,
-        rows,
-        reduction.constant_pivots,
-        *conditions,
-        count,
-        pivots,
-        equations.gathered,
-        len(survey.followers & set(rows)),
-        len(survey.driven & set(rows)),
-        lost,
-    )
-
-
-def _lost(survey: Survey, B: np.ndarray) -> int:
-    """How many times LIGHT decades Sᵀ M S, with its diagonal scaled to one, is worse conditioned
-    than it may be: a light body whose motion is told by that of a heavy one loses its inertia."""
-    if survey.masses is None or not survey.rank or not survey.freedom:
-        return 0
-    Y = np.concatenate([survey.rows[:, list(survey.kept)], even_rows(B)], axis=1)
-    values = np.linalg.svd(Y, compute_uv=False)
-    regular = values[:, -1] > REGULAR * values[:, 0]
-    S = np.linalg.inv(Y[regular])[:, :, survey.rank :]
-    reduced = S.transpose(0, 2, 1) @ survey.masses[regular] @ S
-    sizes = np.sqrt(np.maximum(np.diagonal(reduced, axis1=1, axis2=2), NONZERO))
-    least = np.linalg.eigvalsh(reduced / sizes[:, :, None] / sizes[:, None, :])[:, 0]
-    worst = max(float(np.min(least, initial=1.0)), ROUNDOFF)
-    return max(0, ceil((-log10(worst) - HEAVY) / LIGHT))
-
-
-def _conditions(survey: Survey, B: np.ndarray) -> tuple[float, float]:
-    """Median and largest condition number of [A; B], rows scaled to length one."""
-    nv = survey.system.v.numel()
-    values = np.linalg.svd(np.concatenate([survey.rows, even_rows(B)], axis=1), compute_uv=False)
-    if not values.size or values.shape[1] < nv:
-        return (1.0, 1.0) if not nv else (np.inf, np.inf)
-    ratios = values[:, 0] / np.maximum(values[:, nv - 1], NONZERO)
-    return float(np.median(ratios)), float(np.max(ratios))
-
-
-def _conditions_without_zeros(survey: Survey, A: Sparse, B: ca.SX) -> tuple[float, float]:
-    """The same, to some digits."""
-    s = survey.sampled
-    Y = stacked(A, evened(survey.solver.value_rows(B, s.t, s.q, s.p)))
-    least, largest = squares(Y.pattern).extremes(Y)
-    ratios = largest / np.maximum(least, NONZERO)
-    return float(np.median(ratios)), float(np.max(ratios))
-
-
 def _orthonormal(survey: Survey, choice: Choice) -> Resolved:
     reduction = orthonormal(
         survey.system, survey.independent_rows, survey.kept, survey.sampled, survey.moving
@@ -423,14 +312,14 @@ def _best(survey: Survey, choice: Choice) -> Resolved:
         best.ranking,
         best.reduction,
         best.explicit,
-        _in_words(best.ranking, [x.ranking for x in ranked[1:]]),
+        reason_of(best.ranking, [x.ranking for x in ranked[1:]]),
     )
 
 
 def ranked_partitions(survey: Survey) -> list[Resolved]:
     """Sets of generalized velocities (and the user's own rows) that determine the rest, best
     first."""
-    finalists = sorted(_candidates(survey), key=lambda x: x[0])[:FINALISTS]
+    finalists = sorted(candidates(survey), key=lambda x: x[0])[:FINALISTS]
     carried = [_try(survey, name, rows) for _, name, rows in finalists]
     carried += [
         _try(survey, c.name, tuple(speed_rows(survey.system, c)))
@@ -450,113 +339,6 @@ def _try(survey: Survey, name: str, rows: tuple[RowForm, ...]) -> Resolved | Non
         return carried_out(survey, name, "rows", rows, "")
     except (Dependent, Undetermined):
         return None
-
-
-def score(ranking: Ranking) -> Score:
-    """Least is best. A follower is no choice while its leader is one, nor is what loses the inertia
-    of light bodies; of what is alike in all else an actuated speed comes first.
-
-    Conditions count by decades and a half: a ratio below about 30 is no reason to prefer a
-    partition that needs more operations.
-    """
-    safety = (ranking.followers, not ranking.constant_pivots, ranking.lost)
-    condition = round(float(np.log10(ranking.worst)) / 1.5)
-    return safety, condition, ranking.operations, -ranking.driven
-
-
-def _candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]]:
-    """Partitions with the worst condition number each: all of them while they are few, else the
-    pivoted ones."""
-    nv, nw = survey.system.v.numel(), survey.freedom
-    subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(survey)
-    result: list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]] = []
-    for subset in subsets:
-        rows = tuple(RowForm(speed_name(survey.system, j), (), ((j, 1.0),)) for j in subset)
-        worst, lost = 1.0, 0
-        if survey.system.rows:
-            B = np.tile(np.eye(nv)[list(subset)], (len(survey.rows), 1, 1))
-            worst, lost = _conditions(survey, B)[1], _lost(survey, B)
-        names = {row.name for row in rows}
-        # followers last, then by condition; of equals the actuated ones, then the first of the tree
-        order = (
-            len(names & survey.followers),
-            lost,
-            round(np.log10(worst), 1),
-            -len(names & survey.driven),
-            subset[0] if subset else 0,
-        )
-        result.append((order, " ".join(row.name for row in rows), rows))
-    return result
-
-
-def _pivoted(survey: Survey) -> list[tuple[int, ...]]:
-    """Greedy: columns of the sampled A with the largest smallest remainder become dependent, the
-    others stay free.
-
-    Three preferences: with all columns equal, and with the first velocities of the tree kept free,
-    less and more. Each of them twice where an input acts: without a look at it, and with actuated
-    speeds kept free among columns that are about as good.
-    """
-    nv = survey.system.v.numel()
-    driven = frozenset(j for j in range(nv) if speed_name(survey.system, j) in survey.driven)
-    weights = [1.0 + slope * np.arange(nv) / nv for slope in (0.0, 1.0, 10.0)]
-    found = [_greedy(survey, x, spared) for spared in (frozenset[int](), driven) for x in weights]
-    return list(dict.fromkeys(found))
-
-
-def _greedy(survey: Survey, weight: np.ndarray, spared: frozenset[int]) -> tuple[int, ...]:
-    """The free columns, increasing. Of columns in one tenth of a decade the `spared` ones become
-    dependent last."""
-    matrices = survey.rows[:, list(survey.kept)]
-    free = list(range(survey.system.v.numel()))
-    followers = {j for j in free if speed_name(survey.system, j) in survey.followers}
-    for _ in range(survey.rank):
-        lengths: np.ndarray = np.min(np.linalg.norm(matrices, axis=1), axis=0)
-        sizes = [round(float(x), 6) for x in lengths * weight]
-        tenths = [round(log10(max(x, NONZERO)), 1) for x in sizes]
-        following = {k for k in followers if sizes[k] > REGULAR}  # dependent first
-        j = max(free, key=lambda k: (k in following, tenths[k], k not in spared, sizes[k], k))
-        free.remove(j)
-        matrices = _deflated(matrices, j)
-    return tuple(free)
-
-
-def _deflated(A: np.ndarray, j: int) -> np.ndarray:
-    """Column j taken out of all columns."""
-    length = np.linalg.norm(A[:, :, j], axis=1)
-    unit = A[:, :, j] / np.where(length > 0, length, 1.0)[:, None]
-    return A - unit[:, :, None] * (unit[:, None, :] @ A)
-
-
-def _in_words(best: Ranking, others: Sequence[Ranking]) -> str:
-    speeds = listed(best.rows, NAMES)
-    if not best.rows:
-        return "the constraints leave nothing to choose"
-    text = f"w = ({speeds}): " + _qualities(best)
-    if others:
-        text += f"; next was {_against(best, others[0])}: {_qualities(others[0])}"
-    return text
-
-
-def _against(best: Ranking, other: Ranking) -> str:
-    """The other's speeds; of many only those that differ."""
-    if len(other.rows) <= NAMES:
-        return f"({', '.join(other.rows)})"
-    enters, leaves = set(other.rows) - set(best.rows), set(best.rows) - set(other.rows)
-    entering = listed((row for row in other.rows if row in enters), NAMES)
-    leaving = listed((row for row in best.rows if row in leaves), NAMES)
-    return f"({entering}) in place of ({leaving})"
-
-
-def _qualities(ranking: Ranking) -> str:
-    safe = (
-        "no pivot can vanish"
-        if ranking.constant_pivots
-        else "a pivot varies with the configuration"
-    )
-    cost = f", about {ranking.operations} operations" if ranking.operations else ""
-    lost = ", light bodies are told by heavy ones" if ranking.lost else ""
-    return f"{safe}, cond [A; B] at most {ranking.worst:.3g} over the sampled states{lost}{cost}"
 
 
 def _refused(system: System, choice: Choice, message: str, expected: str) -> AssumptionError:

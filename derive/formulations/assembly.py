@@ -17,7 +17,8 @@ from derive.expressions.deferred import Deferred, passed_on
 from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.control import control
 from derive.formulations.derivatives import derivatives
-from derive.formulations.functions import Minimal, Motion, arguments, functions
+from derive.formulations.functions import functions
+from derive.formulations.motion import Minimal, Motion, arguments
 from derive.formulations.named_frames import families
 from derive.formulations.records import Equations
 from derive.formulations.regression import regression

@@ -20,8 +20,8 @@ from derive.choices.resolution import Resolved, ranked_partitions
 from derive.choices.survey import Survey
 from derive.diagnostics import AssumptionError, HamelError
 from derive.formulations.frames import in_numbers
-from derive.formulations.functions import with_frame
 from derive.formulations.limits import ENOUGH, MOST, SAFE, WORTH
+from derive.formulations.motion import with_frame
 from derive.formulations.records import Equations, Function
 from derive.numerics import NONZERO
 from derive.states.sampling import States

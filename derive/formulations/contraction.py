@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.formulations.functions import Motion, at_motion, is_unit
+from derive.formulations.motion import Motion, at_motion, is_unit
 from derive.formulations.structured import column, entries
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.records import System

@@ -17,12 +17,12 @@ from derive.diagnostics import AssumptionError
 from derive.expressions.counting import cheapest
 from derive.expressions.scalars import Vector
 from derive.formulations.distribution import check_reach, distribution
-from derive.formulations.functions import (
+from derive.formulations.functions import outputs_of
+from derive.formulations.motion import (
     Minimal,
     Motion,
     at_motion,
     labels_of_state,
-    outputs_of,
     per_second,
     units_of_state,
 )

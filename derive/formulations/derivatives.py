@@ -21,7 +21,8 @@ from derive.expressions.counting import alternatives
 from derive.expressions.deferred import Deferred
 from derive.expressions.roots import has_bounded_roots, with_finite_slopes
 from derive.formulations.contraction import contractions
-from derive.formulations.functions import Motion, as_loops
+from derive.formulations.functions import as_loops
+from derive.formulations.motion import Motion
 from derive.formulations.records import Argument, Elimination, Function, Pattern, Request, Result
 from derive.formulations.structured import Slopes, by_structure, looped
 from derive.mechanics.records import System

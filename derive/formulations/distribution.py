@@ -16,8 +16,8 @@ from derive.choices.limits import SINGULAR, SQUARED
 from derive.choices.records import Guard
 from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Matrix, Scalar, Vector
-from derive.formulations.functions import Motion
 from derive.formulations.limits import SAMPLES
+from derive.formulations.motion import Motion
 from derive.joints.rotations import dot, is_zero, transpose
 from derive.mechanics.records import System
 from derive.mechanics.solve import ldl_solution, scalars, small_inverse

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from derive.choices.named import declared
-from derive.choices.resolution import Ranking, ranked_partitions
+from derive.choices.ranking import Ranking
+from derive.choices.resolution import ranked_partitions
 from derive.choices.survey import Survey, survey_of
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.charts import BETWEEN, charted, covered

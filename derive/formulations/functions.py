@@ -5,119 +5,28 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
-from derive.choices.records import Frame, Guard
+from derive.choices.records import Guard
 from derive.choices.redundancy import keeps
-from derive.expressions.deferred import Deferred, Term, is_deferred
-from derive.expressions.scalars import Vector
+from derive.expressions.deferred import Deferred, is_deferred
 from derive.formulations.configuration import configuration, is_plain
-from derive.formulations.limits import CLOSED, MOST_STEPS, PER_RADIAN, USUAL
-from derive.formulations.multipliers import bordered_solution
-from derive.formulations.records import Argument, Function, Iteration, Result
+from derive.formulations.motion import (
+    Motion,
+    at_motion,
+    guards_of,
+    is_unit,
+    labels_of_state,
+    per_second,
+    units_of_state,
+)
+from derive.formulations.projection import constraint_violation, projection
+from derive.formulations.records import Argument, Function, Result
 from derive.formulations.rolled import recursion
 from derive.mechanics.loops.records import Recursion
-from derive.mechanics.records import Named, System
+from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
-from derive.numerics import NONZERO
-from derive.states.closing import Kinematics, nominal
-
-
-@dataclass(frozen=True)
-class Minimal:
-    """v = S w + R c, v̇ = S ẇ + σ and what is left of the equations, mass ẇ = force: mass = Sᵀ M S,
-    force = Sᵀ (Q − h − M σ). A, c, β and λ are of the independent rows."""
-
-    S: ca.SX
-    sigma: ca.SX
-    A: ca.SX
-    c: ca.SX
-    beta: ca.SX
-    lam: ca.SX
-    R: Term[ca.SX] = Term()
-    mass: Term[ca.SX] = Term()
-    force: Term[ca.SX] = Term()
-
-
-@dataclass(frozen=True)
-class Motion:
-    """What a formulation found, over (t, q, w, u, p)."""
-
-    w: ca.SX
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    B: ca.SX
-    v: ca.SX
-    qdot: ca.SX
-    lam: ca.SX
-    guards: tuple[Guard, ...]  # of v
-    solving: tuple[Guard, ...]  # of ẇ and λ beyond those
-    named: tuple[Named, ...]
-    kept: tuple[int, ...]  # independent constraint rows
-    closing: tuple[int, ...]  # independent rows among the holonomic ones
-    projects_velocity: bool
-    wdot: Term[ca.SX] = Term()
-    vdot: Term[ca.SX] = Term()
-    frame: Frame | None = None
-    minimal: Minimal | None = None  # none where w are all of v, held by forces
-
-
-def arguments(system: System, motion: Motion) -> tuple[Argument, ...]:
-    """The slots t (s), x = (q, w, z), u and p with labels and SI units. A frame of directions,
-    where the choice has one, stands behind the model's own parameters."""
-    model = system.model
-    free = system.given[: len(system.own_parameters)]
-    return (
-        Argument("t", system.t, ("t",), ("s",)),
-        Argument(
-            "x",
-            ca.vertcat(system.q, motion.w, system.z),
-            labels_of_state(system, motion),
-            units_of_state(system, motion),
-        ),
-        Argument(
-            "u", system.u, tuple(i.name for i in model.inputs), tuple(i.unit for i in model.inputs)
-        ),
-        with_frame(
-            Argument(
-                "p",
-                system.p[: len(free), 0],
-                tuple(x.name for x in free),
-                tuple(x.unit for x in free),
-            ),
-            motion.frame,
-        ),
-    )
-
-
-def labels_of_state(system: System, motion: Motion) -> tuple[str, ...]:
-    """Names of the entries of x = (q, w, z)."""
-    model = system.model
-    own = (*(c.name for c in model.coordinates), *motion.names)
-    return (*own, *(x.name for x in model.states))
-
-
-def units_of_state(system: System, motion: Motion) -> tuple[str, ...]:
-    """SI units of the entries of x = (q, w, z)."""
-    model = system.model
-    own = (*(c.unit for c in model.coordinates), *motion.units)
-    return (*own, *(x.unit for x in model.states))
-
-
-def with_frame(p: Argument, frame: Frame | None) -> Argument:
-    """The parameters with the frame behind them."""
-    if frame is None:
-        return p
-    return replace(
-        p,
-        symbols=ca.vertcat(p.symbols, frame.symbols),
-        labels=(*p.labels, *frame.labels),
-        units=(*p.units, *("" for _ in frame.labels)),
-    )
 
 
 def functions(system: System, motion: Motion) -> tuple[Function, ...]:
@@ -129,8 +38,8 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
         _mass(system) if system.written else None,
         _bias(system, motion),
         _inverse_dynamics(system, motion),
-        _constraints(system, motion),
-        _project(system, motion),
+        constraint_violation(system, motion),
+        projection(system, motion),
         _reactions(system, motion),
         _energy(system, motion),
         _power(system, motion),
@@ -141,11 +50,6 @@ def functions(system: System, motion: Motion) -> tuple[Function, ...]:
         *([] if is_plain(system) else [request.function for request in configuration(system)]),
     ]
     return tuple(function for function in result if function is not None)
-
-
-def at_motion(system: System, motion: Motion, expression: ca.SX) -> ca.SX:
-    """An expression of v over w, v = S w + R c."""
-    return ca.substitute(expression, system.v, motion.v)
 
 
 def _dynamics(system: System, motion: Motion) -> Function:
@@ -176,20 +80,8 @@ def as_loops(system: System, motion: Motion, function: str) -> Callable[[], Recu
     return functools.cache(lambda: recursion(system, function, other))
 
 
-def is_unit(S: ca.SX) -> bool:
-    """Exactly the unit matrix."""
-    return S.is_square() and bool((S - ca.SX.eye(S.size1())).is_zero())
-
-
 _BASE = "v̇ from M v̇ + h = Q + Aᵀ λ and A v̇ = β"
 _REDUCED = "ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ)"
-
-
-def per_second(unit: str) -> str:
-    """The unit of a rate: m/s of m, m/s^2 of m/s."""
-    if unit.endswith("/s"):
-        return f"{unit}^2"
-    return f"{unit}/s" if unit and unit != "1" else "1/s"
 
 
 def _formed(system: System, size: int, make: Callable[[], ca.SX]) -> ca.SX | Deferred[ca.SX]:
@@ -214,7 +106,7 @@ def _bias(system: System, motion: Motion) -> Function:
         "potential forces, M v̇ + h = Q + Aᵀ λ"
     )
     value = _formed(system, len(names), lambda: at_motion(system, motion, system.h))
-    guards = _used(motion, system.h, system) if motion.guards else ()
+    guards = guards_of(motion, system.h, system) if motion.guards else ()
     result = Result("h", value, names, ())
     loops = as_loops(system, motion, "bias")
     return Function("bias", about, result, guards=guards, recursion=loops)
@@ -258,157 +150,6 @@ def _in_velocities(system: System) -> Argument:
     )
 
 
-def _used(motion: Motion, expression: ca.SX, system: System) -> tuple[Guard, ...]:
-    """The guards matter where v does, because v = S w + R c needs the pivots."""
-    return motion.guards if ca.depends_on(expression, system.v) else ()
-
-
-def positions(system: System) -> int:
-    """How many of the leading rows of `constraints` are about positions: φ, then the lengths of
-    quaternions. The rest are velocities, A v − c."""
-    return system.phi.numel() + len(system.quaternions)
-
-
-def _constraints(system: System, motion: Motion) -> Function | None:
-    """φ, |q|² − 1 of quaternions, A v − c: zero at admissible states. In quasi-velocities the last
-    part is zero up to rounding, which makes it a check of S and R."""
-    if not system.rows and not system.quaternions:
-        return None
-    velocity = ca.mtimes(system.A, system.v) - system.c
-    coordinates = system.model.coordinates
-    labels = (
-        *(f"phi {row.name}" for row in system.rows if row.position >= 0),
-        *(f"length {coordinates[i].owner}" for i in system.quaternions),
-        *(f"velocity {row.name}" for row in system.rows),
-    )
-    value = ca.vertcat(system.phi, _lengths(system), at_motion(system, motion, velocity))
-    about = "constraint violation: φ(q, t), " + (
-        "|q|² − 1 of each quaternion, then A v − c row by row"
-        if system.quaternions
-        else "then A v − c row by row"
-    )
-    return Function(
-        "constraints",
-        about,
-        Result("violation", value, labels, ()),
-        guards=_used(motion, velocity, system),
-    )
-
-
-def _project(system: System, motion: Motion) -> Function | None:
-    """One Newton step onto φ = 0, nearest in the metric of M (or of 1 where M is singular): δ =
-    −M⁻¹ Aᵀ (A M⁻¹ Aᵀ)⁻¹ φ; quaternions are brought to length one.
-    """
-    closing = list(motion.closing)
-    if not closing and not system.quaternions and not (motion.projects_velocity and motion.kept):
-        return None
-    q = system.q + _position_step(system, closing) if closing else system.q
-    sizes = _sizes(system) if closing else []
-    positions = [system.rows[i].position for i in closing]
-    turned = _turned(system, positions)
-    violation = [
-        (system.phi[k] if sizes[k] == 1.0 else system.phi[k] / sizes[k]) / turned for k in positions
-    ]
-    w = motion.w
-    if motion.projects_velocity and motion.kept:
-        w, rest = _velocity_step(system, motion)
-        violation += rest
-    violation += ca.vertsplit(_lengths(system)) if system.quaternions else []
-    about = "nearest consistent state: q on φ = 0" + (
-        ", v on A v = c" if motion.projects_velocity else ", w kept"
-    )
-    about += ", z kept" if system.model.states else ""
-    closed = ca.vertcat(_with_unit_quaternions(system, q), w, system.z)
-    step = Result("x", closed, labels_of_state(system, motion), ())
-    return Function(
-        "project",
-        about,
-        step,
-        iteration=Iteration(CLOSED, MOST_STEPS),
-        residual=_largest(violation),
-    )
-
-
-def _lengths(system: System) -> ca.SX:
-    """|q|² − 1 of each quaternion."""
-    # squares: no root, and regular at every quaternion but zero
-    lengths = [ca.sumsqr(system.q[i : i + 4]) - 1 for i in system.quaternions]
-    return ca.vertcat(*lengths) if lengths else ca.SX(0, 1)
-
-
-def _turned(system: System, positions: list[int]) -> ca.SX:
-    """How much of φ is rounding where angles have turned many times: each power of ten costs a
-    digit. 1 up to 1,000 rad."""
-    angles = [system.q[i] for i, c in enumerate(system.model.coordinates) if c.unit == "rad"]
-    closed = ca.vertcat(*[system.phi[k] for k in positions])
-    symbols = {symbol.element_hash() for symbol in ca.symvar(closed)} if positions else set[int]()
-    involved = [angle for angle in angles if angle.element_hash() in symbols]
-    return ca.fmax(1, PER_RADIAN * _largest(involved)) if involved else ca.SX(1)
-
-
-def _sizes(system: System) -> list[float]:
-    """How large the terms of each φ are at the initial values, as powers of ten; 1 where that is
-    not far from one.
-
-    A length of a megametre squared cannot be closed to 1e-13, and one of a micrometre would be
-    closed too early.
-    """
-    q, p = nominal(system), np.array(system.parameters)
-    J = Kinematics(system).closing_rows(np.zeros(1), q[None], p[None])[1].finite()
-    lengths = [abs(x) for c, x in zip(system.model.coordinates, q) if c.unit == "m"]
-    longest = max(lengths, default=0.0) or 1.0
-    reach = [longest if v.unit == "m/s" else 1.0 for v in system.model.velocities]
-    sizes: NDArray[np.float64] = abs(J) @ np.array(reach)
-    powers = np.round(np.log10(np.maximum(sizes, NONZERO)))
-    return [1.0 if abs(k) <= USUAL or k < -200 else float(f"1e{int(k)}") for k in powers]
-
-
-def _with_unit_quaternions(system: System, q: ca.SX) -> ca.SX:
-    entries = [q[i] for i in range(q.numel())]
-    for start in system.quaternions:
-        length = ca.sqrt(ca.sumsqr(q[start : start + 4]))
-        entries[start : start + 4] = [x / length for x in entries[start : start + 4]]
-    return ca.vertcat(*entries)
-
-
-def _position_step(system: System, closing: list[int]) -> ca.SX:
-    phi = [system.phi[system.rows[i].position] for i in closing]
-    nothing: Vector = [0.0] * system.v.numel()
-    # holonomic rows of A are φ_q N: a step over v that meets A δ = −φ, and q moves by N δ
-    step = bordered_solution(metric(system), system.A[closing, :], nothing, [-x for x in phi])
-    return ca.substitute(system.qdot, system.v, ca.vertcat(*step.x))
-
-
-def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
-    """w + B δ with the least δ, in the metric of M, that brings A v to c: linear, so one step does
-    it."""
-    rows = list(motion.kept)
-    violation = ca.mtimes(system.A[rows, :], system.v) - system.c[rows, :]
-    violation = at_motion(system, motion, violation)
-    entries = [violation[i] for i in range(len(rows))]
-    step = bordered_solution(
-        metric(system), system.A[rows, :], [0.0] * system.v.numel(), [-x for x in entries]
-    )
-    return motion.w + ca.mtimes(motion.B, ca.vertcat(*step.x)), entries
-
-
-def metric(system: System) -> ca.SX:
-    """The matrix in which a projection is nearest: M where it is positive definite for certain (no
-    massless direction shows at the nominal values), else 1.
-
-    In the metric of M the correction is the one that takes least kinetic energy, and it does not
-    depend on the units of the coordinates.
-    """
-    return system.M if system.definite and system.written else ca.SX.eye(system.v.numel())
-
-
-def _largest(entries: list[ca.SX]) -> ca.SX:
-    result = ca.SX(0)
-    for x in entries:
-        result = ca.fmax(result, ca.fabs(x))
-    return result
-
-
 def _reactions(system: System, motion: Motion) -> Function | None:
     if not system.rows:
         return None
@@ -445,7 +186,7 @@ def _energy(system: System, motion: Motion) -> Function:
         return ca.vertcat(*own, *rest)
 
     value = _formed(system, len(labels), energies)
-    guards = _used(motion, system.T, system) if motion.guards else ()
+    guards = guards_of(motion, system.T, system) if motion.guards else ()
     return Function(
         "energy", about, Result("energy", value, labels, ("J",) * len(labels)), guards=guards
     )
@@ -466,7 +207,9 @@ def _power(system: System, motion: Motion) -> Function:
     ]
     for i in moving:
         power = power + motion.lam[i] * system.c[i]
-    guards = (*motion.guards, *motion.solving) if moving else _used(motion, system.power, system)
+    guards = (
+        (*motion.guards, *motion.solving) if moving else guards_of(motion, system.power, system)
+    )
     return Function(
         "power",
         f"power of forces without potential: d({'T' if system.homogeneous else 'T2 - T0'} + V)/dt",

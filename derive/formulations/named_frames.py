@@ -15,7 +15,7 @@ import casadi as ca
 
 from derive.choices.records import Guard
 from derive.expressions.scalars import Vector
-from derive.formulations.functions import Motion, at_motion
+from derive.formulations.motion import Motion, at_motion
 from derive.formulations.records import Family, Function, Result
 from derive.mechanics import named_frames as mechanics
 from derive.mechanics.named_frames import FrameChain, frame_chain, place_of

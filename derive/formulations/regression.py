@@ -12,7 +12,7 @@ from functools import cached_property
 import casadi as ca
 
 from derive.diagnostics import AssumptionError, listed
-from derive.formulations.functions import Minimal, Motion, at_motion, per_second
+from derive.formulations.motion import Minimal, Motion, at_motion, per_second
 from derive.formulations.records import Argument, Function, Request, Result
 from derive.mechanics import regressor as mechanics
 from derive.mechanics.records import System

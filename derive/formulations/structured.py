@@ -22,8 +22,8 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
-from derive.formulations.functions import Minimal, Motion, at_motion, is_unit
 from derive.formulations.limits import UNROLLED
+from derive.formulations.motion import Minimal, Motion, at_motion, is_unit
 from derive.formulations.records import Elimination
 from derive.joints.rotations import cross, dot, is_zero, minus, plus, rotated, times, transpose
 from derive.mechanics.records import Inertia, Link, System

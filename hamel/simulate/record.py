@@ -13,7 +13,7 @@ import numpy as np
 
 from codegen.runtime.simulation import Simulation, Status
 from derive.formulations.charts import BETWEEN, together
-from derive.formulations.functions import positions
+from derive.formulations.projection import positions
 from derive.formulations.records import Equations
 from derive.states.initial import Initial
 from hamel import charts

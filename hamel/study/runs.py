@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from codegen.runtime.simulation import Status
-from derive.formulations.functions import positions
+from derive.formulations.projection import positions
 from hamel.build.module import module_in
 from hamel.charts import at_rows
 from hamel.simulate.energies import total_energy

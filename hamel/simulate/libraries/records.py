@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from codegen.runtime.simulation import Simulation, Status, Stopped
-from derive.formulations.functions import positions
+from derive.formulations.projection import positions
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations

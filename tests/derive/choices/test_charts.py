@@ -1,7 +1,8 @@
 """Modules of several charts: choices of quasi-velocities that take over from each other where one
 is singular.
 
-Of derive.choices: assessment, elimination, explicit, limits, momenta, reduction, resolution, walk.
+Of derive.choices: assessment, candidates, elimination, explicit, limits, momenta, ranking, reduction,
+resolution, walk.
 Of derive.formulations: charts.
 """
 

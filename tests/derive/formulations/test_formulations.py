@@ -1,8 +1,8 @@
 """Choices of quasi-velocities: what is refused, what is preferred, what it costs, and that all of
 them mean the same.
 
-Of derive.formulations: assembly, fitness, formulation, functions, gauss, limits, manifold,
-multipliers.
+Of derive.formulations: assembly, fitness, formulation, functions, gauss, limits, manifold, motion,
+multipliers, projection.
 Of derive.formulations.methods: augmented, maggi, quasi_velocities, recursive, udwadia_phohomsiri.
 """
 

@@ -22,7 +22,7 @@ from derive.expressions.scalars import Matrix
 from derive.formulations import assembly, derivatives, equations, structured
 from derive.formulations.contraction import contractions
 from derive.formulations.evaluate import slots_of
-from derive.formulations.functions import Motion
+from derive.formulations.motion import Motion
 from derive.formulations.records import Equations
 from derive.mechanics import slopes
 from derive.mechanics.records import System

@@ -1,0 +1,78 @@
+"""Sets of generalized velocities that may be the quasi-velocities, best conditioned first."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import comb, log10
+
+import numpy as np
+
+from derive.choices.limits import MOST_SUBSETS, REGULAR
+from derive.choices.ranking import conditions, inertia_lost
+from derive.choices.survey import Survey, speed_name
+from derive.mechanics.records import RowForm
+from derive.numerics import NONZERO
+
+
+def candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]]:
+    """Partitions with the worst condition number each: all of them while they are few, else the
+    pivoted ones."""
+    nv, nw = survey.system.v.numel(), survey.freedom
+    subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(survey)
+    result: list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]] = []
+    for subset in subsets:
+        rows = tuple(RowForm(speed_name(survey.system, j), (), ((j, 1.0),)) for j in subset)
+        worst, lost = 1.0, 0
+        if survey.system.rows:
+            B = np.tile(np.eye(nv)[list(subset)], (len(survey.rows), 1, 1))
+            worst, lost = conditions(survey, B)[1], inertia_lost(survey, B)
+        names = {row.name for row in rows}
+        # followers last, then by condition; of equals the actuated ones, then the first of the tree
+        order = (
+            len(names & survey.followers),
+            lost,
+            round(np.log10(worst), 1),
+            -len(names & survey.driven),
+            subset[0] if subset else 0,
+        )
+        result.append((order, " ".join(row.name for row in rows), rows))
+    return result
+
+
+def _pivoted(survey: Survey) -> list[tuple[int, ...]]:
+    """Greedy: columns of the sampled A with the largest smallest remainder become dependent, the
+    others stay free.
+
+    Three preferences: with all columns equal, and with the first velocities of the tree kept free,
+    less and more. Each of them twice where an input acts: without a look at it, and with actuated
+    speeds kept free among columns that are about as good.
+    """
+    nv = survey.system.v.numel()
+    driven = frozenset(j for j in range(nv) if speed_name(survey.system, j) in survey.driven)
+    weights = [1.0 + slope * np.arange(nv) / nv for slope in (0.0, 1.0, 10.0)]
+    found = [_greedy(survey, x, spared) for spared in (frozenset[int](), driven) for x in weights]
+    return list(dict.fromkeys(found))
+
+
+def _greedy(survey: Survey, weight: np.ndarray, spared: frozenset[int]) -> tuple[int, ...]:
+    """The free columns, increasing. Of columns in one tenth of a decade the `spared` ones become
+    dependent last."""
+    matrices = survey.rows[:, list(survey.kept)]
+    free = list(range(survey.system.v.numel()))
+    followers = {j for j in free if speed_name(survey.system, j) in survey.followers}
+    for _ in range(survey.rank):
+        lengths: np.ndarray = np.min(np.linalg.norm(matrices, axis=1), axis=0)
+        sizes = [round(float(x), 6) for x in lengths * weight]
+        tenths = [round(log10(max(x, NONZERO)), 1) for x in sizes]
+        following = {k for k in followers if sizes[k] > REGULAR}  # dependent first
+        j = max(free, key=lambda k: (k in following, tenths[k], k not in spared, sizes[k], k))
+        free.remove(j)
+        matrices = _deflated(matrices, j)
+    return tuple(free)
+
+
+def _deflated(A: np.ndarray, j: int) -> np.ndarray:
+    """Column j taken out of all columns."""
+    length = np.linalg.norm(A[:, :, j], axis=1)
+    unit = A[:, :, j] / np.where(length > 0, length, 1.0)[:, None]
+    return A - unit[:, :, None] * (unit[:, None, :] @ A)

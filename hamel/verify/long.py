@@ -25,7 +25,7 @@ from derive.formulations.records import Equations
 from derive.mechanics.limits import LONG
 from derive.model.records import Model
 from derive.states import sampling
-from hamel.verify.checks.evidence import all_parameters
+from hamel.verify.checks.samples import all_parameters
 from hamel.verify.long_loops import KEPT, OF_LOOPS
 from hamel.verify.long_trees import (
     CHECKS,

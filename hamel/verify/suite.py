@@ -15,8 +15,9 @@ from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.verify.checks import CHECKS, LOADED, QUICK
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.evidence import Evidence, Sample, evidence, varied
+from hamel.verify.checks.evidence import Evidence, evidence
 from hamel.verify.checks.linear import with_linearization
+from hamel.verify.checks.samples import Sample, varied
 from hamel.verify.long import is_long, long_verification, of_long_model
 from hamel.verify.records import CheckResult, Verification
 from hamel.verify.reference.outcome import reference

@@ -27,7 +27,7 @@ from hamel.simulate.exact.series import Fixed, Graph, NotAnalytic, Series
 from hamel.simulate.exact.taylor import Problem as Flow
 from hamel.simulate.exact.taylor import integrated
 from hamel.simulate.limits import FIRST_CORRECTIONS, MORE, VERSION
-from hamel.verify.checks.evidence import all_parameters
+from hamel.verify.checks.samples import all_parameters
 from hamel.verify.reference.outcome import evaluate, reference
 from hamel.verify.reference.outcome import state_of as spelled_out
 

@@ -10,7 +10,8 @@ from derive.expressions.tree import Call
 from derive.formulations.evaluate import Evaluator
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, sizes, worst
-from hamel.verify.checks.evidence import Evidence, Sample, Terms
+from hamel.verify.checks.evidence import Evidence
+from hamel.verify.checks.samples import Sample, Terms
 from hamel.verify.limits import (
     CANCELLING,
     ENERGIES,

@@ -6,7 +6,8 @@ import numpy as np
 
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import deviation, worst
-from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.checks.evidence import Evidence
+from hamel.verify.checks.samples import Sample
 from hamel.verify.limits import ROUNDED, TERMS, UNDONE
 from hamel.verify.reference.outcome import energies, state_of
 from hamel.verify.reference.saddle import least_eigenvalue

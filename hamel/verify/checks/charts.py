@@ -13,7 +13,8 @@ from hamel.charts import in_chart
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.code import NEARLY
 from hamel.verify.checks.compare import worst
-from hamel.verify.checks.evidence import Evidence, Sample, margins
+from hamel.verify.checks.evidence import Evidence, margins
+from hamel.verify.checks.samples import Sample
 from hamel.verify.reference.saddle import row_condition
 from hamel.verify.reference.vectors import Array
 

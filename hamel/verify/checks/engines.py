@@ -13,8 +13,9 @@ import numpy as np
 from hamel.verify.checks.agreement import mass_error
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, worst
-from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.checks.evidence import Evidence
 from hamel.verify.checks.motion import best_conditioned, reference_end, time_scale
+from hamel.verify.checks.samples import Sample
 from hamel.verify.reference.engines.records import Forces
 from hamel.verify.reference.outcome import reference, rotors, state_of
 from hamel.verify.reference.vectors import Array

@@ -3,11 +3,10 @@ the equations' functions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from types import ModuleType
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -17,10 +16,16 @@ from derive.expressions.deferred import OnDemand
 from derive.formulations.evaluate import Evaluator, evaluator, slots_of
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
-from derive.mechanics.system import inertial_forces
-from derive.states import sampling
 from hamel.verify.checks.compare import Sums, worst
 from hamel.verify.checks.roundoff import bound, estimate
+from hamel.verify.checks.samples import (
+    Sample,
+    Terms,
+    TermsAt,
+    drawn_samples,
+    samples,
+    terms,
+)
 from hamel.verify.checks.units import Units, units
 from hamel.verify.limits import ROUNDING, SMALL
 from hamel.verify.reference.outcome import (
@@ -41,144 +46,13 @@ from hamel.verify.reference.saddle import (
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
-# Parameters that are arguments vary by this part of their value; where that is no machine, for its
-# mass matrix has a negative eigenvalue, by less, and at last not at all.
-VARIED = (0.2, 0.02, 0.0)
 UNVARIED = 5  # states with the file's own parameters
 SHORT = 1e-3  # of the model's own time
 FAR = 0.1  # off the constraints, in the model's own units
 LOST = 1e-8  # an eigenvalue of Sᵀ M S, scaled, excuses no more than the loss of so many digits
-TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power", "zdot")
-VECTORS = ("qdot", "h", "Q", "phi", "c", "beta", "zdot")
-MATRICES = ("N", "M", "A")
-NUMBERS = ("T", "V", "energy", "power")
-
-
-@dataclass(frozen=True)
-class Sample:
-    """One state with the reference's outcome; `p` are the parameters of the module, z first-order
-    states, `given` both as the system has them; `full` are all of the model's, and behind them z.
-    """
-
-    t: float
-    q: Array
-    v: Array
-    u: Array
-    p: Array
-    z: Array
-    full: Array
-    state: State
-    outcome: Outcome
-
-    @property
-    def given(self) -> Array:
-        """p and z."""
-        return np.concatenate([self.p, self.z])
-
-    @property
-    def whole(self) -> Array:
-        """(q, v, z)."""
-        return np.concatenate([self.q, self.v, self.z])
-
-    def full_with(self, z: Array) -> Array:
-        """`full` with other first-order states."""
-        return np.concatenate([self.full[: len(self.full) - len(z)], z])
-
-
-@dataclass(frozen=True)
-class Terms:
-    """The System's terms as arrays at one state; names as in derive.mechanics.records."""
-
-    qdot: Array
-    N: Array
-    M: Array
-    h: Array
-    Q: Array
-    phi: Array
-    A: Array
-    c: Array
-    beta: Array
-    T: float
-    V: float
-    energy: float
-    power: float
-    zdot: Array
 
 
 Row = tuple[float, Array, Array, Array]  # t, x, u, p
-TermsAt = Callable[[float, Array, Array, Array, Array], Terms]
-
-
-def terms(system: System) -> TermsAt:
-    """(t, q, v, u, p) → Terms, evaluated by CasADi. An M that is not written out is what
-    Newton–Euler multiplies v̇ by."""
-    columns = [ca.densify(ca.SX(getattr(system, name))) for name in TERMS]
-    function = ca.Function("terms", [system.t, system.q, system.v, system.u, system.p], columns)
-    vdot = ca.SX.sym("vdot", system.v.numel())
-    inertial = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot)
-    forces = ca.Function("forces", [system.t, system.q, system.v, system.p, vdot], [inertial])
-
-    def mass(t: float, q: Array, p: Array) -> Array:
-        still = np.zeros(system.v.numel())
-        return np.array(forces(t, q, still, p, np.eye(len(still))) - forces(t, q, still, p, still))
-
-    def at(t: float, q: Array, v: Array, u: Array, p: Array) -> Terms:
-        result = {name: np.array(x) for name, x in zip(TERMS, function(t, q, v, u, p))}
-        if not system.written:
-            result["M"] = mass(t, q, p)
-        flat = {name: result[name].ravel() for name in VECTORS}
-        single: dict[str, Any] = {name: float(result[name][0, 0]) for name in NUMBERS}
-        values: dict[str, Any] = {name: result[name] for name in MATRICES}
-        return Terms(**values, **flat, **single)
-
-    return at
-
-
-def samples(system: System, reference: Reference, count: int, seed: int) -> tuple[Sample, ...]:
-    """Random admissible states of derive.states.sampling, each evaluated by the reference.
-
-    The first has the file's own parameters. They are varied one by one, and the reference says
-    whether what comes of it is a machine; at their own values nothing is left out.
-    """
-    drawn: list[Sample] = []
-    for share in VARIED:
-        some = _samples(system, reference, count, seed, share)
-        drawn += [s for s in some if share == 0.0 or s.outcome.admissible]
-        if len(drawn) >= len(some):
-            return tuple(drawn[: max(len(some), 1)])
-    return tuple(drawn[:count])
-
-
-def _samples(
-    system: System, reference: Reference, count: int, seed: int, share: float
-) -> list[Sample]:
-    result = sampling.states(system, count, seed, parameters=share)
-    rows = zip(result.t, result.q, result.v, result.u, result.p)
-    return [_sample(system, reference, *row) for row in rows]
-
-
-def varied(samples: Sequence[Sample], system: System) -> tuple[str, ...]:
-    """The parameters that differ between the samples."""
-    free = [x.name for x in system.model.parameters if x.name not in system.constants]
-    columns = zip(free, zip(*(s.p for s in samples)))
-    return tuple(name for name, column in columns if len(set(column)) > 1)
-
-
-def _sample(
-    system: System, reference: Reference, t: float, q: Array, v: Array, u: Array, p: Array
-) -> Sample:
-    full = all_parameters(system, p)
-    state = state_of(reference, float(t), q, v, u, full)
-    own, z = np.split(p, [len(system.own_parameters)])
-    return Sample(float(t), q, v, u, own, z, full, state, evaluate(reference, state))
-
-
-def all_parameters(system: System, p: Array) -> Array:
-    """The model's parameters in order: those of p where the system takes them, defaults for the
-    rest. Then the first-order states."""
-    rest = iter(p)
-    own = [x.value if x.name in system.constants else next(rest) for x in system.model.parameters]
-    return np.array([*own, *rest], dtype=float)
 
 
 def roundoff(graph: Evaluator, name: str, rows: Sequence[Row], real: Real) -> Array:
@@ -326,7 +200,7 @@ class Evidence:
     @cached_property
     def unvaried(self) -> tuple[Sample, ...]:
         """Some states of the very mechanism of the file: no parameter is varied."""
-        return tuple(_samples(self.system, self.reference, UNVARIED, 0, 0.0))
+        return tuple(drawn_samples(self.system, self.reference, UNVARIED, 0, 0.0))
 
     @cached_property
     def velocities(self) -> tuple[Array, ...]:

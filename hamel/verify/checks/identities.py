@@ -10,7 +10,8 @@ from derive.states.closing import normalised
 from hamel.verify.checks.agreement import violated
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, slope, worst
-from hamel.verify.checks.evidence import Evidence, Sample, Terms
+from hamel.verify.checks.evidence import Evidence
+from hamel.verify.checks.samples import Sample, Terms
 from hamel.verify.limits import SOLVED
 from hamel.verify.reference.outcome import Kinematics, energies, mass, state_of
 from hamel.verify.reference.saddle import condition_of, saddle, solved

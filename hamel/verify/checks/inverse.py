@@ -8,7 +8,8 @@ import numpy as np
 
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import worst
-from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.checks.evidence import Evidence
+from hamel.verify.checks.samples import Sample
 from hamel.verify.limits import FLOOR, SMALL, SOLVED, TERMS
 from hamel.verify.reference.outcome import evaluate, state_of
 from hamel.verify.reference.vectors import Array

@@ -29,8 +29,9 @@ from hamel.verify.checks.check import Check
 from hamel.verify.checks.code import MANY, NEARLY
 from hamel.verify.checks.compare import worst
 from hamel.verify.checks.duals import tangents
-from hamel.verify.checks.evidence import Evidence, Row, Sample, margins, roundoff
+from hamel.verify.checks.evidence import Evidence, Row, margins, roundoff
 from hamel.verify.checks.motion import best_conditioned
+from hamel.verify.checks.samples import Sample
 from hamel.verify.limits import FLOOR
 from hamel.verify.reference.vectors import Array
 

@@ -18,8 +18,9 @@ from derive.formulations.evaluate import slots_of
 from derive.mechanics.limits import COFACTORS
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, slope, worst
-from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.checks.evidence import Evidence
 from hamel.verify.checks.identities import DIFFERENCES
+from hamel.verify.checks.samples import Sample
 from hamel.verify.limits import SMALL, SOLVED, TERMS
 from hamel.verify.reference.outcome import Kinematics, state_of
 from hamel.verify.reference.saddle import rank_of, row_condition

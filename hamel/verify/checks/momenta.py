@@ -12,9 +12,10 @@ import numpy as np
 
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import slope, worst
-from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.checks.evidence import Evidence
 from hamel.verify.checks.identities import step
 from hamel.verify.checks.motion import best_conditioned, end_of, simulates, time_scale, worst_of
+from hamel.verify.checks.samples import Sample
 from hamel.verify.limits import FLOOR
 from hamel.verify.reference.outcome import kinematics, mass, state_of
 from hamel.verify.reference.states import STILL

@@ -23,7 +23,8 @@ from derive.model.records import Model
 from derive.states.closing import normalised
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import sizes, worst
-from hamel.verify.checks.evidence import Evidence, Sample
+from hamel.verify.checks.evidence import Evidence
+from hamel.verify.checks.samples import Sample
 from hamel.verify.reference.outcome import energies, evaluate, state_of
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array

@@ -10,8 +10,9 @@ import numpy as np
 from codegen.reals import FLOAT64
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, sizes, slope, worst
-from hamel.verify.checks.evidence import Evidence, Sample, roundoff
+from hamel.verify.checks.evidence import Evidence, roundoff
 from hamel.verify.checks.identities import DIFFERENCES, step
+from hamel.verify.checks.samples import Sample
 from hamel.verify.limits import SOLVED
 from hamel.verify.reference.outcome import evaluate, mass, state_of, still_forces
 from hamel.verify.reference.vectors import Array

@@ -12,7 +12,8 @@ import numpy as np
 from hamel.verify.checks.agreement import acceleration_error
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import worst
-from hamel.verify.checks.evidence import Evidence, Terms
+from hamel.verify.checks.evidence import Evidence
+from hamel.verify.checks.samples import Terms
 from hamel.verify.limits import SOLVED
 from hamel.verify.reference.saddle import RANK, condition_of, left_over
 from hamel.verify.reference.vectors import Array

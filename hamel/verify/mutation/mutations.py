@@ -23,16 +23,10 @@ from derive.model.records import Model
 from hamel.records import Mutation, Mutations
 from hamel.verify.checks import CHECKS
 from hamel.verify.checks.check import Check
-from hamel.verify.checks.evidence import (
-    MATRICES,
-    TERMS,
-    VECTORS,
-    Evidence,
-    Terms,
-    evidence,
-)
+from hamel.verify.checks.evidence import Evidence, evidence
 from hamel.verify.checks.linear import with_linearization
 from hamel.verify.checks.roundoff import bound
+from hamel.verify.checks.samples import MATRICES, TERMS, VECTORS, Terms
 from hamel.verify.mutation.errors import Change, changes
 from hamel.verify.reference.outcome import reference
 from hamel.verify.reference.vectors import Array

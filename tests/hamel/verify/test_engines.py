@@ -15,7 +15,7 @@ from derive.formulations import equations
 from derive.model import load, load_text
 from derive.states import system
 from hamel.verify.checks import CHECKS, engines
-from hamel.verify.checks.evidence import terms
+from hamel.verify.checks.samples import terms
 from hamel.verify.reference.outcome import reference
 from hamel.verify.suite import evidence
 from tests.scenes import MODELS

@@ -23,7 +23,7 @@ from derive.model.records import (
 )
 from derive.states import system
 from hamel.verify import verification
-from hamel.verify.checks.evidence import samples
+from hamel.verify.checks.samples import samples
 from hamel.verify.mutation.errors import wrong_systems
 from hamel.verify.reference.outcome import reference
 from tests.mechanisms import LOADS, LOOPS, MEETINGS, TREE, mechanism

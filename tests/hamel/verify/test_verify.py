@@ -1,7 +1,7 @@
 """The suite: green on sound models of every kind, and every check seen red on a planted error.
 
 Of hamel.verify: limits, shipped.
-Of hamel.verify.checks: algebra, charts, configuration, inverse, motion, udwadia, units.
+Of hamel.verify.checks: algebra, charts, configuration, inverse, motion, samples, udwadia, units.
 """
 
 import json
@@ -23,9 +23,9 @@ from derive.states import system
 from hamel.build.module import temporary_module
 from hamel.verify import verification
 from hamel.verify.checks import CHECKS, algebra, kinks, manifold, named_frames, quasi, steps
-from hamel.verify.checks.evidence import terms
 from hamel.verify.checks.linear import JACOBIANS, with_linearization
 from hamel.verify.checks.roundoff import bound
+from hamel.verify.checks.samples import terms
 from hamel.verify.limits import UNDONE
 from hamel.verify.mutation.errors import (
     mutants,

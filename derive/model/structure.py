@@ -69,6 +69,11 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
         )
     else:
         expected = _EXPECTED.get(kind, str(details["msg"]))
+        if details["loc"][0] == "forces" and isinstance(place, Entries):
+            expected = (
+                "a formula for each coordinate; springs, dampers, forces and torques with a type "
+                "stand under `loads:`"
+            )
         if kind == "not_a_list" and key == "gravity":
             expected += " of its components: [0, 0, -9.81], or [0, -9.81] in a plane"
         yield source.diagnostic(place.span, _instead(key, place), expected)
@@ -146,6 +151,18 @@ _OTHER_WORDS = {
     "rest": ("length",),
     "formula": ("expression",),
     "law": ("expression",),
+    **dict.fromkeys(("springs", "dampers", "contacts", "friction", "elements"), ("loads",)),
+    **dict.fromkeys(("actuators", "motors", "control", "controls"), ("inputs",)),
+    **dict.fromkeys(("masses", "particles", "links"), ("bodies",)),
+    **dict.fromkeys(("gears", "belts", "couplings", "rolling"), ("constraints",)),
+    **dict.fromkeys(("tendons", "ropes", "cables"), ("paths",)),
+    **dict.fromkeys(("sensors", "measurements"), ("outputs",)),
+    **dict.fromkeys(("speeds", "pseudo_velocities", "quasi_coordinates"), ("quasi_velocities",)),
+    **dict.fromkeys(("variables", "dofs", "degrees_of_freedom"), ("coordinates",)),
+    "loops": ("closures",),
+    "contact": ("loads",),
+    "name": ("model",),
+    "title": ("model",),
 }
 
 

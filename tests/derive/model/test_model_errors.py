@@ -526,6 +526,21 @@ ERRORS = [
         "did you mean 'components'?",
     ),
     (
+        "load_among_forces",
+        ARM + "forces:\n  f: «{type: spring, between: [ground, b], stiffness: 1 N/m}\n",
+        "a mapping under 'f'",
+        "a formula for each coordinate; springs, dampers, forces and torques with a type stand "
+        "under `loads:`",
+        "",
+    ),
+    (
+        "springs_as_a_section",
+        ARM + "«springs: {f: 1 N/m}\n",
+        "unknown key 'springs'",
+        "model, description",
+        "did you mean 'loads'?",
+    ),
+    (
         "position_in_a_formula",
         ARM + "potential: «(1 N)*position(b)\n",
         "a vector where a number is needed",

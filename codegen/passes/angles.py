@@ -32,9 +32,9 @@ def turns(
     """Those of the angles that are sums of what is `given`, each after those that it is made of;
     `values` are what other locals stand for. The angles `before` stand first, made as they would
     be without the others, so that a compiler finds again what it has."""
-    sums = {angle: parts for angle in angles if (parts := _parts(angle, values, given))}
+    sums = _sums(angles, values, given)
     own = {_key(parts): angle for angle, parts in reversed(sums.items())}
-    first = {angle: parts for angle in before if (parts := _parts(angle, {}, given))}
+    first = _sums(before, {}, given)
     first = {own.get(_key(parts), angle): parts for angle, parts in first.items()}
     found: list[Turn] = []
     for group in (first, sums):
@@ -96,6 +96,14 @@ def _key(parts: Parts) -> frozenset[tuple[str, int]]:
     return frozenset(parts.items())
 
 
+def spelled_sums(
+    angles: Sequence[Expression], values: Mapping[str, Expression], given: Collection[str]
+) -> list[Expression]:
+    """Those of the angles that are sums of what is `given`, with what their locals stand for in
+    their place. Others stay out: written out a formula may be of any length."""
+    return [spelled(angle, values) for angle in _sums(angles, values, given)]
+
+
 def spelled(value: Expression, values: Mapping[str, Expression]) -> Expression:
     """A sum with what its locals stand for in their place."""
     if isinstance(value, str):
@@ -105,20 +113,29 @@ def spelled(value: Expression, values: Mapping[str, Expression]) -> Expression:
     return (value[0], *(spelled(operand, values) for operand in value[1:]))
 
 
-def _parts(
-    value: Expression, values: Mapping[str, Expression], given: Collection[str]
-) -> Parts | None:
-    """Of a sum of what is given; None of anything else."""
-    if isinstance(value, str):
-        if value in given:
+def _sums(
+    angles: Sequence[Expression], values: Mapping[str, Expression], given: Collection[str]
+) -> dict[Expression, Parts]:
+    """The angles that are sums of what is given, with their parts."""
+    known: dict[str, Parts | None] = {}
+
+    def parts(value: Expression) -> Parts | None:
+        if isinstance(value, str) and value not in given:
+            if value not in known:
+                known[value] = parts(values[value]) if value in values else None
+            return known[value]
+        if isinstance(value, str):
             return {value: 1}
-        return _parts(values[value], values, given) if value in values else None
-    if not isinstance(value, tuple) or value[0] not in ("add", "sub"):
-        return None
-    left, right = (_parts(operand, values, given) for operand in value[1:])
-    if left is None or right is None:
-        return None
-    return _added(left, right, 1 if value[0] == "add" else -1)
+        if not isinstance(value, tuple) or value[0] not in ("add", "sub"):
+            return None
+        left = parts(value[1])
+        right = None if left is None else parts(value[2])
+        if left is None or right is None:
+            return None
+        return _added(left, right, 1 if value[0] == "add" else -1)
+
+    found = {angle: parts(angle) for angle in angles}
+    return {angle: of for angle, of in found.items() if of}
 
 
 def _added(a: Parts, b: Parts, sign: int) -> Parts:

@@ -14,7 +14,8 @@
 enum { EXCHANGE = 1, SIMULATION = 2 };
 enum { INSTANTIATED = 1, INITIALIZATION = 2, EVENT_MODE = 4, CONTINUOUS = 8, STEP = 16, TERMINATED = 32 };
 enum { INITIALIZED = EVENT_MODE | CONTINUOUS | STEP, READABLE = INITIALIZATION | INITIALIZED | TERMINATED, ANY = 63 };
-enum { STATE_VERSION = 1 };
+enum { STATE_VERSION = 2 };
+static const double SOON = 1e-11; /* of a time and a step: finer than that importers need not find an event */
 static const double PROJECTED_FROM = 10.0; /* relative tolerances: violations of constraints above ask for a projection */
 
 /* What a motion consists of, before its numbers. */
@@ -26,6 +27,7 @@ typedef struct {
     int32_t new_u, new_p; /* set since the last step, or the last event */
     int32_t has_stop;
     double t, stop, rtol, atol;
+    double seen, step; /* Model Exchange: the time of the last completed step, and its length */
 } Head;
 
 typedef struct {
@@ -37,7 +39,7 @@ typedef struct {
     double *seed, *result; /* of derivatives */
     double *reserve; /* a state to try */
     char *name;
-    int logging;
+    int logging, may_return_early;
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
 } Instance;

@@ -99,13 +99,52 @@ static int drifted(Instance *i)
     return worst > PROJECTED_FROM * i->head->rtol;
 }
 
+/* Whether an event that is to end the motion is on this side now, and was not when it was last looked at. */
+static int stops_at(const Instance *i, size_t k, double sign)
+{
+    const double change = sign - i->sign[k];
+    return model.stop[k] && i->sign[k] != 0.0 && change * (model.direction[k] ? model.direction[k] : change) > 0.0;
+}
+
+/* Whether one is. */
+static void stopping(const Instance *i, const double *sign, fmi3Boolean *stop)
+{
+    size_t k;
+    for (k = 0; k < model.events; k++)
+        *stop = *stop || stops_at(i, k, sign[k]);
+}
+
+/* Whether one will be within what importers find times of events to. They may hand out the near side of a crossing, and ask for no
+   other event until the motion comes back. */
+static void imminent(Instance *i, fmi3Boolean *stop)
+{
+    const Head *const h = i->head;
+    const double soon = SOON * (fabs(h->t) + h->step);
+    double *const g = i->seed;
+    size_t k;
+    if (!model.events || !(h->step > 0.0) || rates(i) != fmi3OK)
+        return;
+    for (k = 0; k < model.states; k++)
+        i->reserve[k] = i->x[k] + soon * i->rates[k];
+    if (model.group[model.groups - 1].values(h->t + soon, i->reserve, i->u, i->p, g))
+        return;
+    for (k = 0; k < model.events; k++)
+        g[k] = side(i, k, g);
+    stopping(i, g, stop);
+}
+
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean no_way_back, fmi3Boolean *event, fmi3Boolean *terminate)
 {
+    fmi3Boolean stop = false;
     CHECK(EXCHANGE, CONTINUOUS);
     (void)no_way_back;
     if (!event || !terminate)
         return fmi3Error;
-    *event = drifted(i);
+    i->head->step = i->head->t - i->head->seen;
+    i->head->seen = i->head->t;
+    if (sides(i, i->seed) == fmi3OK)
+        stopping(i, i->seed, &stop);
+    *event = drifted(i) || stop;
     *terminate = false;
     return fmi3OK;
 }
@@ -119,14 +158,12 @@ fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
 static fmi3Status ended(Instance *i, fmi3Boolean *terminate)
 {
     double *const sign = i->seed;
-    fmi3Status status = sides(i, sign);
-    size_t k;
-    for (k = 0; k < model.events && status == fmi3OK; k++) {
-        const double change = sign[k] - i->sign[k];
-        if (i->sign[k] != 0.0 && change * (model.direction[k] ? model.direction[k] : change) > 0.0 && model.stop[k])
-            *terminate = true;
-        i->sign[k] = sign[k];
-    }
+    const fmi3Status status = sides(i, sign);
+    if (status != fmi3OK)
+        return status;
+    stopping(i, sign, terminate);
+    copy(i->sign, sign, model.events);
+    imminent(i, terminate);
     return status;
 }
 

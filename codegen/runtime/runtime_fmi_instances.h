@@ -109,12 +109,15 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update)
 {
     const Instance here = {.logging = 1, .environment = environment, .log = log};
-    (void)resources, (void)visible, (void)early_return, (void)intermediate, (void)update;
+    Instance *i;
+    (void)resources, (void)visible, (void)intermediate, (void)update;
     if (event_mode)
         return say(&here, fmi3Error, "this FMU has no Event Mode in Co-Simulation"), NULL;
     if (n)
         return say(&here, fmi3Error, "this FMU has no intermediate variables"), NULL;
-    return instantiated(SIMULATION, name, token, logging, environment, log);
+    if ((i = instantiated(SIMULATION, name, token, logging, environment, log)))
+        i->may_return_early = early_return;
+    return i;
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,

@@ -2,7 +2,12 @@
 
    No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
 
-/* On which side of zero each event is. */
+/* On which side of zero an event is, by its function; where that is zero, where it was. */
+static double side(const Instance *i, size_t k, const double *g)
+{
+    return g[k] > 0.0 ? 1.0 : g[k] < 0.0 ? -1.0 : i->sign[k];
+}
+
 static fmi3Status sides(Instance *i, double *sign)
 {
     double *g;
@@ -13,7 +18,7 @@ static fmi3Status sides(Instance *i, double *sign)
     if ((status = group(i, model.groups - 1, &g)) != fmi3OK)
         return status;
     for (k = 0; k < model.events; k++)
-        sign[k] = g[k] > 0.0 ? 1.0 : g[k] < 0.0 ? -1.0 : i->sign[k];
+        sign[k] = side(i, k, g);
     return fmi3OK;
 }
 
@@ -31,7 +36,7 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean has_to
         h->rtol = tolerance;
         h->atol = tolerance * (model.atol / model.rtol);
     }
-    h->t = start;
+    h->t = h->seen = start;
     h->has_stop = has_stop;
     h->stop = has_stop ? stop : 0.0;
     h->mode = INITIALIZATION;

@@ -44,7 +44,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 from, fmi3Float64 lengt
     status = stepped(i, &time);
     *reached = time;
     *terminate = status == STOPPED;
-    *early = status == STOPPED;
+    *early = status == STOPPED && i->may_return_early; /* where that is not allowed, terminateSimulation and the time say it */
     if (status == 0 || status == STOPPED)
         return fmi3OK;
     return say(i, fmi3Error, "stopped at t = %.17g: %s", time, model.cause(status));

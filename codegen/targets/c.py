@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from codegen import text
-from codegen.passes.angles import Turn, spelled, turns
+from codegen.passes.angles import Turn, spelled, spelled_sums, turns
 from codegen.passes.lanes import (
     CONSTRAINTS,
     DYNAMICS,
@@ -217,8 +217,8 @@ def _moving(program: Program, name: str, before: str = "", checked: bool = False
 
 def _spelled_angles(part: Part) -> list[Expression]:
     values = {s.name: s.value for section in part.sections for s in section.statements}
-    angles = (angle for section in part.sections for angle in angles_of(section))
-    return [spelled(angle, values) for angle in angles]
+    angles = [angle for section in part.sections for angle in angles_of(section)]
+    return spelled_sums(angles, values, {load.name for load in part.loads})
 
 
 def _plain(program: Program) -> list[Body]:

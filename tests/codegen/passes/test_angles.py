@@ -9,7 +9,7 @@ import pytest
 
 from codegen.emit import emit
 from codegen.passes import angles, program
-from codegen.passes.angles import Turn, spelled, turns
+from codegen.passes.angles import Turn, spelled, spelled_sums, turns
 from tests.scenes import derived
 
 GIVEN = ("q1", "q2", "q3")
@@ -41,6 +41,16 @@ def test_a_part_may_come_from_the_sum() -> None:
 def test_other_angles_are_left_as_they_are() -> None:
     values = {"z1": ("mul", 2.0, "q1"), "z2": ("add", "z1", "q2")}
     assert turns(["z1", "z2", ("sin", "q1"), "q1"], values, GIVEN) == [Turn("q1")]
+
+
+def test_formulas_are_not_written_out() -> None:
+    """Each of them takes the one before twice, so that the last stands for 2⁶⁰ of the first; only
+    sums are spelled, and these are looked through once."""
+    values = {f"z{n + 1}": ("mul", f"z{n}", f"z{n}") for n in range(60)} | {"z0": ("sin", "q1")}
+    sums = {f"s{n + 1}": ("sub", f"s{n}", f"s{n}") for n in range(60)} | {"s0": "z60"}
+    given = {**values, **sums, "z61": ("add", "q1", "q2")}
+    assert spelled_sums(["z60", "s60", "z61"], given, GIVEN) == [("add", "q1", "q2")]
+    assert turns(["z60", "s60", "z61"], given, GIVEN) == [Turn("z61")]
 
 
 def test_what_was_made_before_is_made_again() -> None:

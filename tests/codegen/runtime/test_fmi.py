@@ -94,10 +94,10 @@ class Fmu:
 
     @contextmanager
     def instance(
-        self, kind: str = "CoSimulation", token: bytes | None = None
+        self, kind: str = "CoSimulation", token: bytes | None = None, early: bool = False
     ) -> Iterator[Instance]:
         head = (b"one", token or self.token, None, False, True)
-        more = (False, False, None, ctypes.c_size_t(0)) if kind == "CoSimulation" else ()
+        more = (False, early, None, ctypes.c_size_t(0)) if kind == "CoSimulation" else ()
         make = getattr(self.library, f"fmi3Instantiate{kind}")
         make.restype = ctypes.c_void_p
         pointer = make(*head, *more, None, self._log, *((None,) if more else ()))
@@ -112,6 +112,7 @@ class Instance:
 
     def __init__(self, fmu: Fmu, pointer: int | None) -> None:
         self.fmu, self.pointer = fmu, pointer
+        self.early = False  # whether the last step returned early
 
     def free(self) -> None:
         self.fmu.library.fmi3FreeInstance(ctypes.c_void_p(self.pointer))
@@ -153,6 +154,7 @@ class Instance:
         numbers = ctypes.c_double(start), ctypes.c_double(length)
         pointers = [ctypes.byref(item) for item in (*flags, reached)]
         status = self.call("DoStep", *numbers, False, *pointers)
+        self.early = flags[2].value
         return status, flags[1].value, reached.value
 
     def derivative(
@@ -428,6 +430,39 @@ def test_an_event_that_stops_ends_the_simulation(tree: Any) -> None:
             assert list(indicators) == pytest.approx([1.0, q + 1.2])
             i.call("EnterEventMode")
             assert i.update()[:2] == (OK, ends)
+
+
+@pytest.mark.parametrize(("left", "ends"), [(3e-13, True), (1e-6, False)])
+def test_the_near_side_of_a_stop_is_the_stop(tree: Any, left: float, ends: bool) -> None:
+    """Importers may hand out a time just before the indicator changes its sign, and ask for no
+    event until the motion comes back."""
+    _, fmu, _ = tree
+    with fmu.instance("ModelExchange") as i:
+        i.begin()
+        assert i.update() == (OK, False, False)
+        i.call("EnterContinuousTimeMode")
+        event, end = ctypes.c_bool(), ctypes.c_bool()
+        flags = ctypes.byref(event), ctypes.byref(end)
+        i.call("SetTime", ctypes.c_double(0.5))
+        i.states([-1.2 + left, -1.0])
+        assert i.call("CompletedIntegratorStep", True, *flags) == OK and not event
+        i.call("EnterEventMode")
+        assert i.update()[:2] == (OK, ends)
+        i.call("EnterContinuousTimeMode")
+        i.call("SetTime", ctypes.c_double(0.6))
+        i.states([-1.3, -1.0])
+        assert i.call("CompletedIntegratorStep", True, *flags) == OK and event
+        i.call("EnterEventMode")
+        assert i.update()[:2] == (OK, True)
+
+
+def test_a_step_returns_early_where_that_is_allowed(tree: Any) -> None:
+    _, fmu, _ = tree
+    for allowed in (False, True):
+        with fmu.instance(early=allowed) as i:
+            i.begin()
+            assert i.step(0.0, 5.0)[:2] == (OK, True)
+            assert i.early is allowed
 
 
 def test_an_instance_needs_the_right_token(tree: Any) -> None:

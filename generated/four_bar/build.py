@@ -207,12 +207,14 @@ def compile_folder(folder: str | os.PathLike[str], name: str, command: Sequence[
     return library
 
 
+SCRIPTS = ("build_fmu.py", "build_fmu2.py", "build_wasm.py")  # with a `main(folder)`
+
+
 def packed(folder: pathlib.Path) -> list[str]:
-    """What the scripts build_TARGET.py of the folder make of what was compiled."""
-    listed = sorted(manifest(folder)["files"])
-    scripts = [file for file in listed if file.startswith("build_") and file.endswith(".py")]
+    """What the scripts of targets in the folder make of what was compiled."""
+    listed = set(manifest(folder)["files"])
     texts: list[str] = []
-    for script in scripts:
+    for script in (script for script in SCRIPTS if script in listed):
         try:
             texts += runpy.run_path(str(folder / script))["main"](folder)
         except RuntimeError as error:

@@ -48,7 +48,7 @@ static int events_at(Run *r, double t, const double *y, double *g)
 /* For all events that a step may have. */
 static int has_room(const Events *e)
 {
-    return e->room - e->n >= 2 * EIGHTHS * (size_t)count_of(e);
+    return !e->t || e->room - e->n >= 2 * EIGHTHS * (size_t)count_of(e);
 }
 
 static int sign_of(double g, int before)
@@ -295,9 +295,9 @@ static int events_inside(Run *r, const Method *method, double h, int crossed, do
             double there[N], bend[N], theta = all[i].theta;
             in.k = all[i].k;
             e->sign[in.k] = all[i].sign;
-            if (e->direction[in.k] * all[i].sign < 0)
+            if (e->direction[in.k] * all[i].sign < 0 || (!e->t && !e->stop[in.k]))
                 continue;
-            if ((status = located(&in, &theta, there, bend)) != OK || (status = recorded(&in, s->t + theta * h, there)) != OK)
+            if ((status = located(&in, &theta, there, bend)) != OK || (e->t && (status = recorded(&in, s->t + theta * h, there)) != OK))
                 break;
             if (e->stop[in.k]) {
                 *end = s->t + theta * h;

@@ -47,7 +47,7 @@ typedef struct {
     const int *stop; /* of each: 1 ends the motion there, with SNAKE3_EVENT */
     int *sign; /* of each: on which side it is; made at the start */
     size_t room, n; /* what there is room for below, and what is there; SNAKE3_FULL asks to take it out and go on: 16 of each are needed */
-    double *t, *x; /* of each event: time and state, a row of SNAKE3_NX as in x_out */
+    double *t, *x; /* t NULL where nobody asks for events that do not stop the motion; of each event: time and state, a row of SNAKE3_NX as in x_out */
     int *which; /* and of which function */
 } snake3_watch;
 

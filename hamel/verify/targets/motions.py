@@ -30,7 +30,8 @@ BESIDE = 0.01
 
 @dataclass(frozen=True)
 class Motion:
-    """x at the times, from x[0] on, in so many steps; `rtol` is that of both."""
+    """x at the times, from x[0] on, in so many steps; `rtol` is that of both. Rows behind an event
+    that stops the motion are NaN."""
 
     times: Array
     x: Array
@@ -58,9 +59,12 @@ class Motion:
 
     def error(self, rows: Array) -> float:
         """Of the rows of another motion, relative to the largest entry of this one."""
-        size = max(1.0, float(np.max(np.abs(self.x))))
-        error = np.abs(np.asarray(rows, dtype=float).reshape(self.x.shape) - self.x)
-        return float(np.max(error)) / size
+        size = max(1.0, float(np.nanmax(np.abs(self.x))))
+        given = np.asarray(rows, dtype=float).reshape(self.x.shape)
+        reached = np.isfinite(self.x)
+        if not np.array_equal(np.isfinite(given), reached):
+            return np.inf
+        return float(np.max(np.abs(given - self.x)[reached])) / size
 
     def _compared(self, name: str, value: float, limit: float) -> CheckResult:
         about = f"a motion of the module in {self.steps} steps, inputs held"
@@ -101,4 +105,7 @@ def _motion(subject: Subject, row: Row, times: Array, rtol: float) -> Motion | N
         rows = subject.module.simulate((t, times[-1]), start, u, p, times=times, **tight)
     except subject.module.Stopped:
         return None
-    return Motion(times, np.asarray(rows.x, dtype=float), u, p, rtol, rows.steps)
+    motion = np.full((len(times), len(start)), np.nan)
+    reached = np.isin(times, rows.t)
+    motion[reached] = np.asarray(rows.x, dtype=float)[: np.count_nonzero(reached)]
+    return Motion(times, motion, u, p, rtol, rows.steps)

@@ -125,6 +125,39 @@ def test_many_motions_and_calls_that_do_not_fit(cart_pole):
     subprocess.run(["node", place], check=True)
 
 
+STOPPING = """model: swing
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies: {rod: {mass: 1 kg, com: [0, -0.5 m], inertia: 0.1 kg*m^2}}
+joints: {hinge: {type: revolute, parent: ground, child: rod, coordinate: q}}
+events:
+  bottom: q
+  stop: {formula: q + 45 deg, direction: falling, stop: true}
+"""
+STOPPED = """
+import { load } from "./swing.mjs";
+import assert from "node:assert";
+const model = await load();
+const [high, low] = model.simulate([0, 0.4, 2], [[1, 0], [0.5, 0]]);
+assert.equal(high.status, "event");
+assert(Math.abs(model.simulate([0, high.time - 1e-9], [1, 0]).x[2] + Math.PI / 4) < 1e-6);
+assert(!Number.isNaN(high.x[2]) && Number.isNaN(high.x[4]));
+assert.equal(low.status, "ok");
+assert.equal(model.simulate([0, 500], [0.5, 0]).status, "ok"); // through hundreds that do not stop
+"""
+
+
+@needs_tools
+@pytest.mark.slow
+def test_an_event_that_stops_ends_a_motion(tmp_path):
+    (tmp_path / "swing.yaml").write_text(STOPPING)
+    swing = subject(tmp_path, str(tmp_path / "swing"), ["wasm"])
+    place = swing.folder / "wasm" / "use.mjs"
+    place.write_text(STOPPED)
+    subprocess.run(["node", place], check=True)
+    assert all(found.passed for found in checked.check(swing))
+
+
 @needs_tools
 @pytest.mark.slow
 def test_nothing_is_imported_by_the_module(cart_pole):

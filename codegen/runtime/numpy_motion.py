@@ -208,6 +208,10 @@ class Motion:
         close = self.values("project", t, z)
         if (close != z[:-1]).any():
             move, before = np.abs(close - z[:-1]).max(), slope[: facts.nq]
+            gone = np.abs(z - self.state["x"])[:-1].max()
+            allowed = self.atol + self.rtol * np.abs(z[:-1]).max()
+            if move > OTHER_BRANCH * gone > 0.0 and move > FAR_BEYOND * allowed:
+                raise Failed(Status.JUMP)
             z[:-1] = close
             slope = self.slope(t, z)
             jump, speed = np.abs(slope[: facts.nq] - before).max(), np.abs(before).max()

@@ -299,10 +299,11 @@ static void renewed(Run *r, double t, const double *z)
 #define FAR_BEYOND 1e3
 
 /* Put z back on the constraints; its slope k is computed again where that moved it. A move is small, and so is what it changes rates of
-   coordinates by: where it is not, constraints depend on each other, and z came to another branch of the motion. */
+   coordinates by: where it is not, constraints depend on each other, and z came to another branch of the motion; or a constraint jumps,
+   as the length of a rope does that comes off a pulley, and z would be carried along. */
 static int projected(Run *r, double t, double *z, double *k)
 {
-    double close[NX], before[NQ], jump = 0.0, speed = 0.0, move = 0.0;
+    double close[NX], before[NQ], jump = 0.0, speed = 0.0, move = 0.0, gone = 0.0, size = 0.0;
     int i, moved = 0, status = MODEL_project(r)(t, z, r->u, r->p, close);
     if (status != OK)
         return status;
@@ -311,8 +312,12 @@ static int projected(Run *r, double t, double *z, double *k)
     for (i = 0; i < NX; i++) {
         moved |= close[i] != z[i];
         move = fmax(move, fabs(close[i] - z[i]));
+        gone = fmax(gone, fabs(z[i] - r->s->x[i]));
+        size = fmax(size, fabs(z[i]));
         z[i] = close[i];
     }
+    if (gone > 0.0 && move > OTHER_BRANCH * gone && move > FAR_BEYOND * (r->atol + r->rtol * size))
+        return JUMP;
     if (!moved || (status = slope(r, t, z, k)) != OK)
         return status;
     for (i = 0; i < NQ; i++) {

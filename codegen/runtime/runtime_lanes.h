@@ -954,14 +954,20 @@ static inline void lanes_turned(const Motions *all, Lanes *w, Bits moved, Bits w
 static inline Bits lanes_projected(const Motions *all, Lanes *w, Bits which, int late, double close)
 {
     const Bits trusted = lanes_closed(w, which, close);
-    Vector move = {0.0};
-    Bits moved = which ^ which;
+    const Vector one = (Vector){0.0} + 1.0;
+    Vector move = {0.0}, gone = {0.0}, size = {0.0};
+    Bits moved = which ^ which, far;
     int i;
     for (i = 0; i < NX; i++) {
-        moved |= (Bits)(vector(w->e + i * LANES) != vector(w->z + i * LANES));
-        move = larger(move, size_of(vector(w->e + i * LANES) - vector(w->z + i * LANES)));
+        const Vector z = vector(w->z + i * LANES);
+        moved |= (Bits)(vector(w->e + i * LANES) != z);
+        move = larger(move, size_of(vector(w->e + i * LANES) - z));
+        gone = larger(gone, size_of(z - vector(w->y + i * LANES)));
+        size = larger(size, size_of(z));
     }
     moved &= which;
+    far = (Bits)(gone > 0.0) & (Bits)(move > OTHER_BRANCH * gone) & (Bits)(move > FAR_BEYOND * (all->atol + all->rtol * size));
+    store(w->bad, vector(w->bad) + either(moved & far, one, one - one));
     memcpy(w->z, w->e, NX * LANES * sizeof(double)); /* lanes that are not good are not looked at any more */
     if (any(late ? which : moved))
         lanes_turned(all, w, moved, late ? which : moved, move);

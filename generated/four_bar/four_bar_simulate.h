@@ -21,7 +21,8 @@ enum {
     FOUR_BAR_NO_INPUT = 9,       /* the callback of the inputs failed, or gave what is not finite */
     FOUR_BAR_NO_EVENT = 10,      /* a function of the events failed, or gave what is not finite */
     FOUR_BAR_EVENT = 11,         /* an event that is to stop the motion did */
-    FOUR_BAR_FULL = 12           /* no room for the events of another step: take them out and call again */
+    FOUR_BAR_FULL = 12,          /* no room for the events of another step: take them out and call again */
+    FOUR_BAR_JUMP = 13           /* a constraint jumps, as where a rope comes off a pulley: nothing leads on */
 };
 
 /* Integrators: */

@@ -25,6 +25,7 @@ class Status(enum.IntEnum):
     NO_EVENT = 10
     EVENT = 11
     FULL = 12
+    JUMP = 13
 
     @property
     def cause(self) -> str:
@@ -49,6 +50,8 @@ _CAUSES = {
     "finite",
     Status.EVENT: "stopped by an event",
     Status.FULL: "too many events",
+    Status.JUMP: "a constraint jumps here, as where a rope comes off its pulley or an angle goes "
+    "on by a turn: the motion has no way on",
 }
 
 

@@ -21,7 +21,8 @@ enum {
     SNAKE3_NO_INPUT = 9,       /* the callback of the inputs failed, or gave what is not finite */
     SNAKE3_NO_EVENT = 10,      /* a function of the events failed, or gave what is not finite */
     SNAKE3_EVENT = 11,         /* an event that is to stop the motion did */
-    SNAKE3_FULL = 12           /* no room for the events of another step: take them out and call again */
+    SNAKE3_FULL = 12,          /* no room for the events of another step: take them out and call again */
+    SNAKE3_JUMP = 13           /* a constraint jumps, as where a rope comes off a pulley: nothing leads on */
 };
 
 /* Integrators: */

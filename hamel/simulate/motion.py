@@ -156,6 +156,8 @@ def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> A
     status = status_of(error)
     if status in (Status.NO_INPUT, Status.NO_EVENT):
         return InputError(str(error))
+    if status is Status.JUMP:
+        return AssumptionError(str(error), "an event with `stop: true` may end the motion before")
     if not equations.system.rows:  # one choice is as good as another
         hint = (
             "a formula or load may have no value there, such as the direction of a spring between "

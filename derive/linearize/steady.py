@@ -35,6 +35,7 @@ from derive.states.scales import scales
 from derive.states.speeds import speed_rows
 
 GUESS = "guess"
+NEARER = 5  # times that the way from one steady motion to the next is halved
 BESIDE = (0.1, 0.3, 1.0)  # how far beside the initial values `guess` starts at last
 
 
@@ -302,7 +303,7 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
     R, J = _evaluated(found, y, p, s)
     worst = _excess(R / rows, J * D / rows[:, None], y / D)
     if not np.all(np.isfinite(R)) or np.max(worst, initial=0.0) > KEPT:
-        raise _refused(found, R, worst)
+        raise _refused(found, R, worst, s)
     return y
 
 
@@ -407,7 +408,7 @@ def _lost(found: Problem, y: np.ndarray, step: np.ndarray) -> AssumptionError:
     return AssumptionError(model.diagnostic(motion.span, message, advice))
 
 
-def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionError:
+def _refused(found: Problem, R: np.ndarray, excess: np.ndarray, s: np.ndarray) -> AssumptionError:
     model, motion = found.equations.system.model, found.motion
     k = int(np.argmax(excess))
     unit = f" {found.units[k]}" if found.units[k] else ""
@@ -421,7 +422,8 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray) -> AssumptionErr
         "held values that can be kept for ever; other guesses, an input that is `free`, "
         "or another --choice"
     )
-    message = f"{what}: {found.rows[k]} {missed}"
+    free = ", ".join(f"{name} = {x:.3g}" for name, x in zip(motion.sweepable, s))
+    message = f"{what}{f' with {free}' if free else ''}: {found.rows[k]} {missed}"
     return AssumptionError(model.diagnostic(motion.span, message, advice))
 
 
@@ -467,9 +469,8 @@ def _between(
         if off <= STRAIGHT * (1 + np.max(np.abs(chord))):
             y[inner] = chord
             return
-    except AssumptionError:
-        if last == first + 1:
-            raise
+    except AssumptionError:  # too far at once
+        pass
     for k in range(first + 1, last + 1):
         ahead = y[k - 1] if k < first + 2 else 2 * y[k - 1] - y[k - 2]
         y[k] = _stepped(found, p, s, y, k, ahead)
@@ -478,11 +479,28 @@ def _between(
 def _stepped(
     found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, k: int, ahead: np.ndarray
 ) -> np.ndarray:
-    """From the extrapolated guess, or else from the last motion."""
+    """From the extrapolated guess, or else from the last motion, by motions between."""
     try:
         return solved(found, p[k], s[k], ahead)
     except AssumptionError:
-        return solved(found, p[k], s[k], y[k - 1])
+        return _by_halves(found, p[k - 1 : k + 1], s[k - 1 : k + 1], y[k - 1], NEARER)
+
+
+def _by_halves(
+    found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, depth: int
+) -> np.ndarray:
+    """From the motion y of the first row of values to that of the second: by one in the middle
+    where that is too far at once, `depth` times over."""
+    try:
+        return solved(found, p[1], s[1], y)
+    except AssumptionError:
+        if not depth:
+            raise
+    middle_p, middle_s = p.mean(axis=0), s.mean(axis=0)
+    middle = _by_halves(found, np.array([p[0], middle_p]), np.array([s[0], middle_s]), y, depth - 1)
+    return _by_halves(
+        found, np.array([middle_p, p[1]]), np.array([middle_s, s[1]]), middle, depth - 1
+    )
 
 
 def _parts(values: np.ndarray, first: int, last: int) -> np.ndarray:

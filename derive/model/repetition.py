@@ -104,7 +104,9 @@ def _element(entry: Scalar, source: Source) -> Value:
     if re.fullmatch(r"[+-]?\d{1,9}", entry.text):
         return int(entry.text)
     if not re.fullmatch(r"[A-Za-z0-9_]+", entry.text):
-        source.refuse(entry.span, f"'{entry.text}' as the value of an index", "a number or a word")
+        source.refuse(
+            entry.span, f"'{entry.text}' as the value of an index", "a whole number or a word"
+        )
     return entry.text
 
 

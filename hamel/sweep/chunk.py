@@ -24,6 +24,10 @@ CAUSES = {
     "constraints",
     INADMISSIBLE: "a mass or moment of inertia is negative, or a value is not finite",
     modes.NO_STEADY_MOTION: "no steady motion was found with these values",
+    int(
+        Status.SINGULAR_CHOICE
+    ): "the choice of quasi-velocities is singular here, and a sweep stays "
+    "in one: --choice names another; `hamel simulate` goes on in another by itself",
 }
 
 

@@ -25,7 +25,7 @@ from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import sizes, worst
 from hamel.verify.checks.evidence import Evidence
 from hamel.verify.checks.samples import Sample
-from hamel.verify.reference.outcome import energies, evaluate, state_of
+from hamel.verify.reference.outcome import energies, evaluate, state_of, with_reactions
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
@@ -41,6 +41,7 @@ ENOUGH = 0.1  # so small a part of the order may lack without looking at further
 SMOOTH = 1e-6
 BETTER = 0.02  # of the error of a step of the module
 LOOKED_AT = 6  # states, for some motions are not smooth
+FEWEST = 3  # motions that say something, before their order counts as lacking
 LONGER = (2.0, 4.0, 8.0)  # … over so many times as long
 FAR = 1e-2  # errors above do not fall in proportion yet, …
 EXACT = 1e-11  # … and those below may be roundoff
@@ -68,14 +69,12 @@ def order(e: Evidence) -> float | None:
     wanted = method.order
     if not wanted:  # it goes with the tolerance
         return None
-    best: float | None = None
-    for slopes in _slopes(e):
-        seen = max(map(min, zip(slopes, slopes[1:] or slopes)), default=-np.inf)
-        if slopes and (best is None or seen > best):
-            best = seen
-        if best is not None and best > (1.0 - ENOUGH) * wanted:
-            break
-    return None if best is None else max(0.0, 1.0 - best / wanted)
+    seen: list[float] = []
+    for slopes in filter(None, _slopes(e)):
+        seen.append(max(map(min, zip(slopes, slopes[1:] or slopes))))
+        if max(seen) > (1.0 - ENOUGH) * wanted:
+            return max(0.0, 1.0 - max(seen) / wanted)
+    return 1.0 - max(seen) / wanted if len(seen) >= FEWEST else None
 
 
 def _slopes(e: Evidence) -> Iterator[list[float]]:
@@ -298,17 +297,19 @@ def _carried(
 def _piece(e: Evidence, s: Sample, t: float, y: Array) -> tuple[float, ...]:
     """In which of its pieces every formula is: no order and no extrapolation holds across, and the
     midpoint rule does not look at the end of its step."""
-    pieces = sides(e.reference.model)
+    pieces = switches(e.reference.model)
     if not pieces:
         return ()
-    state = state_at(e, s, t, y)
+    try:
+        state = with_reactions(e.reference, state_at(e, s, t, y))
+    except np.linalg.LinAlgError:  # nothing is left of the state
+        raise FloatingPointError("the reference cannot tell") from None
     return tuple(float(np.sign(state.value(side))) for side in pieces)
 
 
 def sides(model: Model) -> tuple[Expression, ...]:
-    """What changes its sign where a formula goes on to another piece, of all that a state tells. A
-    reaction is none of that: where abs() of one turns, halving the steps hardly helps, and that is
-    seen."""
+    """What changes its sign where a formula goes on to another piece, of all that a state tells; a
+    reaction is none of that."""
     return tuple(x for x in switches(model) if not any(map(_is_reaction, walk(x))))
 
 

@@ -239,10 +239,15 @@ def evaluate(ref: Reference, s: State) -> Outcome:
 
     Raises numpy.linalg.LinAlgError where this has no solution, or the state is no number any more.
     """
+    return _evaluated(ref, with_reactions(ref, s), nonideal=True)
+
+
+def with_reactions(ref: Reference, s: State) -> State:
+    """The state with reaction.ROW of the ideal problem among its names, where forces use any."""
     if not _uses_reactions(ref.model):
-        return _evaluated(ref, s, nonideal=True)
+        return s
     ideal = _evaluated(ref, s, nonideal=False)
-    return _evaluated(ref, replace(s, names=s.names | _reactions(ref, ideal.lam)), nonideal=True)
+    return replace(s, names=s.names | _reactions(ref, ideal.lam))
 
 
 def still_forces(ref: Reference, s: State) -> Array:

@@ -639,3 +639,50 @@ def test_no_motion_is_steady_where_the_choice_is_singular():
     result = study(found, motion_of(found, None))
     size = 5 * np.sqrt(2 / (1 + 0.1 / (2 * 0.1**2)))
     assert eigenvalues(result.along({}))[0] == pytest.approx([size * 1j, -size * 1j], abs=1e-8)
+
+
+DISK = """model: disk
+gravity: [0, 0, -9.81 m/s^2]
+parameters: {m: 0.4 kg, r: 37.5 mm}
+bodies: {d: {mass: m, inertia: [m*r^2/4, m*r^2/4, m*r^2/2]}}
+joints:
+  j:
+    type: free
+    parent: ground
+    child: d
+    position: [x, y, z]
+    orientation: {euler: zxz, angles: [psi, th, phi]}
+constraints:
+  c: {type: rolling, body: d, shape: {disk: {radius: r, axis: z}}, plane: {normal: z}}
+quasi_velocities: {w: [der(th), der(psi), der(phi)]}
+steady_motion:
+  spin:
+    th: tilt
+    der(th): 0
+    der(psi): 30 rad/s
+    guess: {der(phi): -26 rad/s, z: 24 mm}
+    sweep: {tilt: [20 deg, 80 deg, ROWS]}
+initial: {th: 40 deg, der(psi): 20 rad/s, der(phi): -18 rad/s, guess: {z: 24 mm}}
+"""
+
+
+def test_a_coarse_sweep_goes_by_motions_between(tmp_path):
+    """From 20° to 40° is too far at once; each row is the motion with that number in the file."""
+    path = tmp_path / "disk.yaml"
+    path.write_text(DISK.replace("ROWS", "4"), "utf-8")
+    rows = hamel.linearize(path, out=tmp_path / "sweep.html").rows
+    assert [round(np.degrees(row["tilt"])) for row in rows] == [20, 40, 60, 80]
+    for row in rows:
+        plain = re.sub(r" *sweep: .*\n", "", DISK).replace("th: tilt", f"th: {row['tilt']!r} rad")
+        path.write_text(plain, "utf-8")
+        alone = hamel.linearize(path, out=tmp_path / "alone.html")
+        fastest = max(abs(complex(*x)) for x in row["eigenvalues"])
+        assert fastest == pytest.approx(np.abs(np.linalg.eigvals(np.array(alone.A))).max(), 1e-9)
+
+
+def test_what_was_held_is_said_where_there_is_no_steady_motion(tmp_path):
+    path = tmp_path / "disk.yaml"
+    none = DISK.replace("ROWS", "4").replace("der(th): 0\n", "der(th): 1 rad/s\n")
+    path.write_text(none, "utf-8")
+    with pytest.raises(AssumptionError, match=r"'spin' is no steady motion with tilt = \d"):
+        hamel.linearize(path, out=tmp_path / "sweep.html")

@@ -234,7 +234,7 @@ static int meaningless(const Step *s, const double *x)
    the estimates of its error. What it comes to counts also where it is INACCURATE. */
 static int whole_step(Run *r, const Rosenbrock *m, int method, int substeps, double t, const double *x, double h, double *z, double *sensitivity, double *error)
 {
-    const double part = h / substeps;
+    const double part = h / (double)substeps;
     Step s;
     int c, i, n, status = OK;
     if (substeps < 1 || (method != STEP_RK4 && method != STEP_ROSENBROCK))
@@ -253,8 +253,8 @@ static int whole_step(Run *r, const Rosenbrock *m, int method, int substeps, dou
     if (method == STEP_RK4 || h == 0.0)
         status = rates(r, t, s.z, s.slope);
     for (n = 0; n < substeps && status == OK && h != 0.0; n++)
-        status = method == STEP_RK4 ? rk4_substep(r, t + n * part, part, &s, sensitivity != NULL)
-                                    : rosenbrock_substep(r, m, t + n * part, part, &s, sensitivity != NULL);
+        status = method == STEP_RK4 ? rk4_substep(r, t + (double)n * part, part, &s, sensitivity != NULL)
+                                    : rosenbrock_substep(r, m, t + (double)n * part, part, &s, sensitivity != NULL);
     if (status != OK)
         return status;
     for (i = 0; i < NX; i++) {

@@ -48,6 +48,35 @@ def _of_frame(name: str, family: Family, frame: str) -> Request:
     return Request(name, about_frame(family.about, frame), lambda: family.make(frame))
 
 
+# functions that models may lack, by what these lack
+_OF_INPUTS = ("jacobian_u", "jacobian_u_values", "input_map", "inverse_dynamics_u")
+_OF_PARAMETERS = ("jacobian_p", "jacobian_p_values")
+_OF_OUTPUTS = ("outputs", "outputs_jacobian")
+_OF_QUASI_VELOCITIES = (
+    "partial_velocities", "mass_w", "bias_w", "gravity_w", "coriolis_w", "input_map",
+    "inverse_dynamics_u", "regressor_w",
+)  # fmt: skip
+_OF_CONSTRAINTS = ("constraints", "project", "reactions", "constraint_rows")
+
+
+def _reason(equations: Equations, name: str) -> str:
+    """Why equations have no function of that name, where other models have it."""
+    slots = {argument.name: argument.labels for argument in equations.arguments}
+    if name in _OF_INPUTS and not slots["u"]:
+        return "it has no inputs"
+    if name in _OF_PARAMETERS and not slots["p"]:
+        return "it has no parameters, or all of them are baked in"
+    if name in _OF_OUTPUTS and not equations.has("outputs"):
+        return "it has no outputs"
+    if name in _OF_CONSTRAINTS and not equations.system.rows:
+        return "it has no constraints"
+    if name == "events" and not equations.has("events"):
+        return "it has no events"
+    if name in _OF_QUASI_VELOCITIES and equations.generalized_velocities:
+        return f"formulation {equations.formulation} chooses no quasi-velocities w"
+    return ""
+
+
 def unknown_function(equations: Equations, name: str) -> HamelError:
     """What to say of a name that is none of a function: the frame, or the function, that was
     probably meant."""
@@ -66,6 +95,8 @@ def unknown_function(equations: Equations, name: str) -> HamelError:
             f"'{name}' is a function of a frame, and none is named",
             f"give {name}_FRAME, with one of the frames {listed(frames)}",
         )
+    if reason := _reason(equations, name):
+        return HamelError(f"{model.name} has no function '{name}'", reason)
     misspelt = _misspelt_frames(name, prefixes, frames)
     best = nearest(name, (*misspelt, *_of_frames(equations, name, frames)))
     if best in misspelt:

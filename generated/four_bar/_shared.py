@@ -84,22 +84,25 @@ def place(name, lead, out):
 def threaded(function, threads):
     """`function` for batches, whose first axis is divided among that many threads: the compiled code runs without the interpreter.
 
-    Rows that fail become NaN and are told by each thread, counted from its first row.
+    Rows that fail become NaN and are told by each thread, counted from its first row. Options of the function are handed on. Raises
+    ValueError where there is no thread.
     """
     from concurrent.futures import ThreadPoolExecutor
 
     name = function.__name__
+    if threads < 1:
+        raise ValueError(f"threaded() takes one thread or more, not {threads}")
 
-    def divided(t, x, u=None, p=None, out=None):
+    def divided(t, x, u=None, p=None, out=None, **options):
         given, lead = prepare(name, t, x, u, p)
         if not lead or lead[0] < 2 or threads < 2:
-            return function(t, x, u, p, out)
+            return function(t, x, u, p, out, **options)
         target = place(name, lead, out)
         rows = [np.broadcast_to(value, lead + (value.shape[-1:] if k else ())) for k, value in enumerate(given)]
         ends = [lead[0] * k // threads for k in range(threads + 1)]
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(lambda a, b: function(*(row[a:b] for row in rows), target[a:b]), ends[:-1], ends[1:]))
-        return target
+            parts = list(pool.map(lambda a, b: function(*(row[a:b] for row in rows), target[a:b], **options), ends[:-1], ends[1:]))
+        return (target, np.concatenate([part[1] for part in parts])) if options.get("error") else target
 
     return divided
 

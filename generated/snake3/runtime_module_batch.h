@@ -226,6 +226,27 @@ static int receives(const Function *f, PyObject *arguments, PyObject *object)
     return fit && PyArray_ISWRITEABLE(out);
 }
 
+/* Says how many rows do not fit together, in the place of what NumPy says of its own arrays. */
+static void name_uneven_rows(const Function *f, PyObject *arguments)
+{
+    npy_intp shape[NPY_MAXDIMS];
+    int i, k;
+    for (i = 0; i < NPY_MAXDIMS; i++)
+        shape[i] = 1;
+    for (k = 0; k < (int)PyTuple_GET_SIZE(arguments); k++) {
+        PyArrayObject *array = (PyArrayObject *)PyTuple_GET_ITEM(arguments, k);
+        const int n = PyArray_NDIM(array) - (k > 0);
+        for (i = 0; i < n; i++) { /* axes from the last one on */
+            const npy_intp size = PyArray_DIM(array, n - 1 - i);
+            if (size != 1 && shape[i] != 1 && size != shape[i]) {
+                PyErr_Format(PyExc_ValueError, "%s() got %zd and %zd rows: leading axes have to be as long, or 1", f->name, (Py_ssize_t)shape[i], (Py_ssize_t)size);
+                return;
+            }
+            shape[i] = size == 1 ? shape[i] : size;
+        }
+    }
+}
+
 /* Any arguments NumPy can turn into numbers and broadcast. */
 RARE PyObject *general(const Function *f, PyObject **slots)
 {
@@ -241,8 +262,10 @@ RARE PyObject *general(const Function *f, PyObject **slots)
     if (slots[OUT] && !(keywords = Py_BuildValue("{s:(OO)}", "out", slots[OUT], Py_None)))
         goto done;
     if (!(pair = PyObject_Call(f->batch, tuple, keywords))) {
-        if (PyErr_ExceptionMatches(PyExc_ValueError))
+        if (PyErr_ExceptionMatches(PyExc_ValueError)) {
+            name_uneven_rows(f, tuple);
             name_wrong_shape(f, slots);
+        }
         goto done;
     }
     status = (PyArrayObject *)PyArray_FROM_OTF(PyTuple_GET_ITEM(pair, 1), NPY_BYTE, NPY_ARRAY_IN_ARRAY);

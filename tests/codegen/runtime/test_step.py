@@ -7,8 +7,10 @@ Of codegen.passes: steppers.
 from __future__ import annotations
 
 import importlib
+import subprocess
 import warnings
 from dataclasses import replace
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -160,6 +162,8 @@ def test_all_ways_to_call_say_the_same(arm: ModuleType, method: str, name: str) 
     u = np.array([0.7])
     way = {"substeps": 2, "method": method, "error": True}
     wanted = getattr(arm, name)(0.3, x, u, **way)
+    for got, want in zip(arm.threaded(getattr(arm, name), 2)(0.3, x, u, **way), wanted):
+        np.testing.assert_array_equal(got, want)
     for backend in ("_library", "_numpy"):
         found = through(arm, backend, name)(0.3, x, u, **way)
         for got, want in zip(found, wanted):
@@ -296,6 +300,11 @@ def test_float32_has_the_same_steps(home) -> None:
         slopes = single.step_sensitivity(0.1, x, [0.7], method=method)
         wanted = double.step_sensitivity(0.1, x, [0.7], method=method)
         np.testing.assert_allclose(slopes, wanted, rtol=1e-3, atol=1e-4)
+    command, folder = compiler.find_compiler(), Path(single.__file__).parent
+    strict = ("-std=c99", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wconversion", "-Werror")
+    made = folder.parent / "arm32.o"
+    source = folder / f"{folder.name}_simulate.c"
+    subprocess.run([*(command or []), *strict, "-c", source, "-o", made], check=True)
 
 
 def test_who_asks_for_no_step_carries_nothing_of_it() -> None:

@@ -115,6 +115,15 @@ def test_a_result_of_another_shape_is_refused(
         binding.dynamics(0.0, np.broadcast_to(X, (*lead, 4)), [0.0], out=np.zeros(shape))
 
 
+def test_rows_that_do_not_fit_together_are_counted(module: ModuleType) -> None:
+    for given, counts in (
+        ((0.0, np.zeros((3, 4)), np.zeros((5, 1))), "3 and 5"),
+        ((np.zeros(2), np.zeros((3, 4)), np.zeros(1)), "2 and 3"),
+    ):
+        with pytest.raises(ValueError, match=rf"dynamics\(\) got {counts} rows: leading axes"):
+            module.dynamics(*given)
+
+
 def test_missing_arguments_are_told_by_name(binding: Any) -> None:
     for given in ({"t": None, "x": X}, {"t": 0.0, "x": None}, {"t": 0.0, "x": X, "u": None}):
         with pytest.raises(TypeError, match=r"needs argument '[txu]' \(\d values\)"):

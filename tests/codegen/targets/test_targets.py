@@ -461,6 +461,8 @@ def test_batches_on_threads(module: ModuleType) -> None:
         )
     with pytest.raises(TypeError):
         module.threaded(module.dynamics, 2)(t, x)
+    with pytest.raises(ValueError, match="one thread or more, not 0"):
+        module.threaded(module.dynamics, 0)
 
 
 @needs_compiler

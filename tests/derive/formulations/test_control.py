@@ -168,6 +168,20 @@ def test_generalized_velocities_have_no_functions_over_w():
 
 
 @pytest.mark.parametrize(
+    ("scene", "name", "words"),
+    [
+        ("rolling_disk", "jacobian_u", "it has no inputs"),
+        ("rolling_disk", "events", "it has no events"),
+        ("rolling_disk", "jacobian_u_values", "it has no inputs"),
+        ("cart_pole", "constraints", "it has no constraints"),
+    ],
+)
+def test_what_a_model_lacks_for_a_function_is_said(scene, name, words):
+    found = derived(scene)
+    assert words in str(unknown_function(found, name))
+
+
+@pytest.mark.parametrize(
     ("name", "words"),
     [
         ("pose_cuopler", "did you mean 'pose_coupler'?"),

@@ -303,7 +303,7 @@ def test_float32_has_the_same_steps(home) -> None:
     command, folder = compiler.find_compiler(), Path(single.__file__).parent
     strict = ("-std=c99", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wconversion", "-Werror")
     made = folder.parent / "arm32.o"
-    source = folder / f"{folder.name}_simulate.c"
+    source = folder / "arm_simulate.c"
     subprocess.run([*(command or []), *strict, "-c", source, "-o", made], check=True)
 
 

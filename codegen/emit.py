@@ -68,9 +68,12 @@ def _check_fit(program: Program, asked: Sequence[Target]) -> None:
     for target in asked:
         reason = target.refusal(program)
         if reason:
-            raise AssumptionError(
-                f"{program.name}: the target {target.name} does not fit: {reason}"
-            )
+            raise misfit(program.name, target, reason)
+
+
+def misfit(model: str, target: Target, reason: str) -> AssumptionError:
+    """A target on request does not fit a model."""
+    return AssumptionError(f"{model}: the target {target.name} does not fit: {reason}")
 
 
 def _readme(program: Program, asked: Sequence[Target]) -> str:

@@ -16,6 +16,7 @@ from codegen.program import Program
 from codegen.targets.records import HELPERS, WIDEST, Target, is_apart, unsteady
 
 FOLDER = "acados"
+TAKER = "an optimizer"
 NEEDS = ("derivatives", "dynamics_hessian")
 
 
@@ -40,7 +41,7 @@ def files(program: Program) -> dict[str, str]:
 
 def refusal(program: Program) -> str:
     """One state of one kind, in float64, with its matrices of derivatives."""
-    reason = unsteady(program, "an optimizer")
+    reason = unsteady(program, TAKER)
     if reason:
         return reason
     if program.real.words:
@@ -57,5 +58,6 @@ ACADOS = Target(
     files,
     needs=NEEDS,
     refusal=refusal,
+    taker=TAKER,
     readme="acados.md.j2",
 )

@@ -37,6 +37,7 @@ TABLED = (
     "outputs_jacobian",
 )
 DERIVATIVES = TABLED[3:]
+TAKER = "an FMU"
 NEEDS = ("dynamics_forward", "dynamics_adjoint", "outputs", "outputs_jacobian")
 SHORTEST = 1e-9  # m, of a nominal length
 STOP_TIME = 10.0  # s, of the experiment that a tool proposes; a model says nothing of it
@@ -99,7 +100,7 @@ def files(program: Program) -> dict[str, str]:
 
 def refusal(program: Program) -> str:
     """Why there is no FMU of a program; nothing where there is one."""
-    reason = unsteady(program, "an FMU")
+    reason = unsteady(program, TAKER)
     if reason:
         return reason
     if program.real.words:
@@ -361,5 +362,6 @@ FMU = Target(
     files,
     needs=NEEDS,
     refusal=refusal,
+    taker=TAKER,
     readme="fmu.md.j2",
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 import codegen.runtime.build_fmu
 from codegen import text
 from codegen.program import Program
-from codegen.targets.fmu import FOLDER, NEEDS, RUNTIME, described, refusal
+from codegen.targets.fmu import FOLDER, NEEDS, RUNTIME, TAKER, described, refusal
 from codegen.targets.records import Target
 
 
@@ -34,5 +34,6 @@ FMU2 = Target(
     files,
     needs=NEEDS,
     refusal=refusal,
+    taker=TAKER,
     readme="fmu2.md.j2",
 )

@@ -25,8 +25,9 @@ class Target:
 
     The other fields are for targets on request. `needs` are functions that are emitted with it
     where the model has them. `refusal` says why a program cannot be emitted so, in words that end
-    "the target NAME does not fit: …"; nothing where it can. `readme` is the template of its section
-    in README.md.
+    "the target NAME does not fit: …"; nothing where it can. `taker`: who takes a state that has one
+    meaning all the way; what has not is refused before the passes. `readme` is the template of its
+    section in README.md.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Target:
     needs: tuple[str, ...] = ()
     refusal: Callable[[Program], str] = _fits
     readme: str = ""
+    taker: str = ""
     straight: bool = False  # it takes straight-line code alone, no loops over links
 
 
@@ -50,15 +52,20 @@ def unsteady(program: Program, taker: str) -> str:
     """Why a program has no state of one meaning, which `taker` needs; nothing where it has."""
     if not program.simulates:
         return "it has no state derivative"
-    if program.charts:
-        names = ", ".join(chart.choice for chart in program.charts)
+    charts = [chart.choice for chart in program.charts]
+    return ambiguity(charts, program.choice, bool(program.frame), taker)
+
+
+def ambiguity(charts: Collection[str], choice: str, based_anew: bool, taker: str) -> str:
+    """The same of a state in a choice or, where there are several, in charts."""
+    if len(charts) > 1:
         return (
-            f"its state changes its meaning on the way, from one of the charts {names} to another; "
-            f"{taker} takes one choice: name it with --choice"
+            f"its state changes its meaning on the way, from one of the charts {', '.join(charts)} "
+            f"to another; {taker} takes one choice: name it with --choice"
         )
-    if program.frame:
+    if based_anew:
         return (
-            f"the quasi-velocities of the choice {program.choice} are based anew on the way; "
+            f"the quasi-velocities of the choice {choice} are based anew on the way; "
             f"{taker} takes another choice"
         )
     return ""

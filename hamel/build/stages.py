@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from os import PathLike
 from types import MappingProxyType
 
-from codegen.emit import on_request
+from codegen.emit import misfit, on_request
 from codegen.integrators import INTEGRATORS
 from codegen.passes import in_precision, program
 from codegen.passes.roll import ALWAYS, AUTO, NEVER
 from codegen.program import Program
-from codegen.targets.records import affordable
+from codegen.targets.records import Target, affordable, ambiguity
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations import equations
 from derive.formulations.records import Equations
@@ -111,6 +111,7 @@ def program_of(
 def program_for(equations: Equations, options: BuildOptions) -> Program:
     """Equations → Program with all that was asked for, and what the targets need of it."""
     asked = on_request(options.targets)
+    _check_state(equations, asked)
     states = {argument.name: len(argument.labels) for argument in equations.arguments}["x"]
     wanted = [n for target in asked for n in affordable(target.needs, states)]
     needs = [n for n in dict.fromkeys(wanted) if _is_possible(equations, n)]
@@ -121,6 +122,18 @@ def program_for(equations: Equations, options: BuildOptions) -> Program:
     roll = NEVER if straight and options.roll == AUTO else options.roll
     result = program_of(equations, functions, options.integrators, real=options.real, roll=roll)
     return replace(result, inline=options.header, targets=tuple(target.name for target in asked))
+
+
+def _check_state(equations: Equations, asked: Sequence[Target]) -> None:
+    """Raise AssumptionError where a target takes a state of one meaning and the choice has none;
+    the passes may take minutes."""
+    charts = [each.choice for each in (equations, *equations.charts)]
+    for target in asked:
+        reason = target.taker and ambiguity(
+            charts, equations.choice, equations.frame is not None, target.taker
+        )
+        if reason:
+            raise misfit(equations.system.model.name, target, reason)
 
 
 def _is_possible(equations: Equations, name: str) -> bool:

@@ -19,7 +19,7 @@ import hamel
 from codegen import compiler
 from codegen.emit import emit
 from codegen.passes import in_precision, program
-from derive.diagnostics import AssumptionError, ToolchainError, VerificationError
+from derive.diagnostics import AssumptionError, VerificationError
 from hamel.verify.targets import acados as checked
 from tests.scenes import MODELS
 from tests.subjects import subject
@@ -122,15 +122,6 @@ def test_errors_are_seen(cart_pole, tmp_path, before, after, seen):
 
 @needs_compiler
 @pytest.mark.slow
-def test_c_that_does_not_compile_is_said(cart_pole, tmp_path):
-    shutil.copytree(cart_pole.folder, tmp_path / "cart_pole")
-    (tmp_path / "cart_pole" / "acados" / "cart_pole_acados.c").write_text("int x = ;")
-    with pytest.raises(ToolchainError, match="does not compile"):
-        checked.check(replace(cart_pole, folder=tmp_path / "cart_pole"))
-
-
-@needs_compiler
-@pytest.mark.slow
 def test_a_model_of_acados_is_filled(cart_pole, tmp_path, monkeypatch):
     """Into an object with the fields of an AcadosModel, which is not here; nothing else is set."""
 
@@ -150,6 +141,13 @@ def test_a_model_of_acados_is_filled(cart_pole, tmp_path, monkeypatch):
     assert (tmp_path / model.dyn_generic_source).read_text().startswith("#define SUBSTEPS 3\n")
     stage = functions.stage(0.02, t=1.0)
     assert model.p.shape == (len(stage), 1) and stage[-2:].tolist() == [1.0, 0.02]
+    for wrong in (0, -2, 1.5):
+        with pytest.raises(ValueError, match="one substep or more"):
+            functions.discrete(substeps=wrong, folder=tmp_path)
+    with pytest.raises(ValueError, match=r"needs \d parameters, got an array of shape \(1,\)"):
+        functions.stage(0.02, p=[1.0])
+    with pytest.raises(ValueError, match="a stage of length -1"):
+        functions.stage(-1)
     smooth = functions.expressions()
     f = ca.Function("f", [smooth.x, smooth.u, smooth.p], [smooth.f_expl_expr])
     _, x, u, p = cart_pole.row("dynamics", 0)

@@ -232,15 +232,15 @@ def _loads(
 def uses_measure(formula: Expression, reader: Reader) -> str:
     """A measure of the motion that a formula uses, through definitions too; "" where there is
     none."""
-    for node in walk(formula):
-        if not isinstance(node, Name):
-            continue
-        if node.name in reader.measures.found:
-            return node.name
-        if node.name in reader.definitions:
-            inside = uses_measure(reader.definitions[node.name], reader)
-            if inside:
-                return inside
+    seen: set[str] = set()
+    left = [formula]
+    while left:
+        names = {node.name: None for node in walk(left.pop()) if isinstance(node, Name)}
+        for name in (name for name in names if name not in seen):
+            if name in reader.measures.found:
+                return name
+            seen.add(name)
+            left += [reader.definitions[name]] if name in reader.definitions else []
     return ""
 
 

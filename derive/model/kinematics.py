@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import islice
 
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
@@ -98,6 +99,9 @@ def speaks_of_motion(text: str) -> bool:
     return WORDS.search(text) is not None
 
 
+LONGEST_RATE = 100_000  # nodes of the rate of a definition
+
+
 @dataclass(frozen=True)
 class Rewriting:
     """One formula on its way; `point_entry` reads an entry of a point and checks its unit."""
@@ -108,6 +112,7 @@ class Rewriting:
     definitions: Mapping[str, Expression]
     point_entry: Callable[[Expression, str], Expression]
     text: str
+    rates: dict[str, Expression] = field(default_factory=dict[str, Expression])  # of definitions
 
     def scalar(self, node: Expression) -> Expression:
         """The formula as one of numbers. Raises FormulaError where it is a vector."""
@@ -152,7 +157,7 @@ class Rewriting:
             case Call():
                 return self._call(node)
             case tree.Rate(name) if name in self.definitions:
-                return self._rate_of(self.definitions[name], node.at)
+                return self._rate_of(Name(name, node.at), node.at)
             case _:
                 pass
         return node
@@ -272,7 +277,7 @@ class Rewriting:
             spot = Spot(measure.frame, measure.point)
             return self.measure(POSITIONS[measure.quantity], spot, measure.relative, letters, node)
         if node.name in self.definitions:
-            return rate(self.definitions[node.name], self._leaf_rate, self.text)
+            return self._definition_rate(node)
         if node.name in self.scope.aliases:
             raise self._fault(f"der() of '{node.name}', a velocity", node, "coordinates and t")
         symbol = self.scope.symbols.get(node.name)
@@ -291,6 +296,19 @@ class Rewriting:
             return tree.Rate(node.name, node.at)
         kind = min(symbol.kinds)
         raise self._fault(f"der() of '{node.name}', {kind}", node, "coordinates and t")
+
+    def _definition_rate(self, node: Name) -> Expression:
+        """It is written out, and each product of definitions makes it longer: refused where it has
+        too many terms to be walked through."""
+        found = self.rates.get(node.name)
+        if found is None:
+            found = rate(self.definitions[node.name], self._leaf_rate, self.text)
+            if any(islice(tree.walk(found), LONGEST_RATE, None)):
+                message = f"der() of '{node.name}', which is written out in {LONGEST_RATE} terms"
+                expected = "shorter definitions, or a rate in formulas of its own"
+                raise self._fault(message, node, expected)
+            self.rates[node.name] = found
+        return found
 
     # what the arguments are
 

@@ -83,7 +83,8 @@ class ShapeEntry(Entry):
 
 class PlaneEntry(Entry):
     normal: Direction = Field(
-        description="Normal of the plane (in a planar model of the line), in the frame of `of`.",
+        description="Normal of the plane (in a planar model of the line), in the frame of `of`: "
+        "numbers without parameters.",
         json_schema_extra=term("n", "1"),
     )
     origin: Constants | None = Field(

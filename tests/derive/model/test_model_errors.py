@@ -9,6 +9,7 @@ Of derive.model: collisions, document, kinds, limits, reader, shape.
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -1659,3 +1660,12 @@ def test_the_caret_follows_tabs_and_long_lines_are_cut() -> None:
 )
 def test_nearest(name: str, known: list[str], expected: str | None) -> None:
     assert nearest(name, known) == expected
+
+
+def test_the_rate_of_definitions_that_grow_is_refused_in_time() -> None:
+    """Each takes the one before three times, so that the rate of the last has 3²⁴ terms."""
+    chain = [f'  a{k}: "a{k - 1}*a{k - 1} + a{k - 1}/3"\n' for k in range(1, 25)]
+    text = ARM + "where:\n  a0: q\n" + "".join(chain) + "outputs: {o: der(a24)}\n"
+    found = first_problem(text)
+    assert re.match(r"der\(\) of 'a\d+', which is written out in 100000 terms", found.message)
+    assert load_text(text.replace("der(a24)", "der(a7)")).outputs

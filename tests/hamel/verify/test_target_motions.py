@@ -30,7 +30,7 @@ def subject(rate: float, steps_per_second: float) -> Any:
             raise Stopped
         growth = np.exp(np.minimum(rate * (times - times[0]), 300.0))
         rows = START + growth[:, np.newaxis] * (x - START)
-        return SimpleNamespace(x=rows, steps=steps)
+        return SimpleNamespace(t=times, x=rows, steps=steps)
 
     row = (0.0, START, np.zeros(0), np.zeros(0))
     module = SimpleNamespace(defaults=np.zeros(0), simulate=simulate, Stopped=Stopped)

@@ -44,6 +44,9 @@ assert.throws(() => model.dynamics(0, [0, 0]), RangeError);
 assert.throws(() => model.simulate(times, start, { integrator: "euler" }), Failure);
 for (const wrong of [[], [1, 0], [0, 2, 1], [0, NaN], [NaN, 1], [0, Infinity]])
     assert.throws(() => model.simulate(wrong, start), RangeError);
+assert.throws(() => model.dynamics(0), /x has to be an array of 4 numbers/);
+for (const wrong of [{ rtol: -1 }, { atol: 0 }, { rtol: NaN }])
+    assert.throws(() => model.simulate(times, start, wrong), /tolerances above zero/);
 const short = model.simulate(times, start, { maxSteps: 1, rtol: 1e-13 });
 assert(short.status !== "ok" && Number.isNaN(short.x[11]));
 """

@@ -382,3 +382,10 @@ def test_an_output_may_be_what_a_closure_holds_at_zero(tmp_path):
     # it has no slope there
     with pytest.raises(VerificationError, match=r"outputs_jacobian of gap has no value at state"):
         hamel.build(path, out=tmp_path / "slopes", functions=["outputs_jacobian"])
+
+
+@pytest.mark.parametrize("name", ["build", "build_arm"])
+def test_a_model_may_be_called_like_the_scripts_of_targets(tmp_path, name):
+    path = written(tmp_path, SLIDER | {"model": name})
+    hamel.build(path, out=tmp_path / name, targets=["casadi"])
+    assert (tmp_path / name / f"{name}_casadi.py").is_file()

@@ -12,6 +12,7 @@ import ctypes
 import re
 import shutil
 import subprocess
+import sys
 import warnings
 import xml.etree.ElementTree as ElementTree
 import zipfile
@@ -586,3 +587,14 @@ def test_what_fits_no_fmu_is_refused_by_name(options: Any, reason: str) -> None:
     equations = equations_of(ROOT / "models" / "pendulum.yaml", options.choice)
     with pytest.raises(AssumptionError, match=re.escape(reason)):
         emit(program_for(equations, options))
+
+
+def test_a_state_of_several_meanings_is_refused_before_the_passes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They may take minutes."""
+    monkeypatch.setattr(sys.modules["hamel.build.stages"], "program", None)
+    equations = equations_of(ROOT / "models" / "pendulum.yaml", "swing+tangent")
+    for target in ("fmu", "fmu2", "acados"):
+        with pytest.raises(AssumptionError, match="from one of the charts swing, tangent"):
+            program_for(equations, BuildOptions(targets=(target,)))

@@ -25,6 +25,7 @@ from scipy.stats import qmc
 
 import hamel
 from codegen import compiler
+from codegen.runtime.simulation import Status
 from derive.diagnostics import (
     AssumptionError,
     HamelError,
@@ -558,3 +559,7 @@ def test_first_order_states_without_parameters_and_names_that_energies_have(tmp_
     wanted = {"q": 2.5, "T": 1 - np.exp(-1.0), "kinetic_energy": 5 * (0 + 0.25 + 1) / 3}
     assert {name: means[name] for name in wanted} == pytest.approx(wanted, rel=1e-6)
     assert means["final(V)"] == pytest.approx(0.5)
+
+
+def test_a_sweep_says_that_it_stays_in_one_choice():
+    assert "a sweep stays in one: --choice names another" in chunk.cause(Status.SINGULAR_CHOICE)

@@ -300,7 +300,7 @@ static void renewed(Run *r, double t, const double *z)
 
 /* Put z back on the constraints; its slope k is computed again where that moved it. A move is small, and so is what it changes rates of
    coordinates by: where it is not, constraints depend on each other, and z came to another branch of the motion; or a constraint jumps,
-   as the length of a rope does that comes off a pulley, and z would be carried along. */
+   as the length of a rope does that comes off a pulley, and z would be carried along. The first step may begin off the constraints. */
 static int projected(Run *r, double t, double *z, double *k)
 {
     double close[NX], before[NQ], jump = 0.0, speed = 0.0, move = 0.0, gone = 0.0, size = 0.0;
@@ -316,7 +316,7 @@ static int projected(Run *r, double t, double *z, double *k)
         size = fmax(size, fabs(z[i]));
         z[i] = close[i];
     }
-    if (gone > 0.0 && move > OTHER_BRANCH * gone && move > FAR_BEYOND * (r->atol + r->rtol * size))
+    if (r->s->steps && gone > 0.0 && move > OTHER_BRANCH * gone && move > FAR_BEYOND * (r->atol + r->rtol * size))
         return JUMP;
     if (!moved || (status = slope(r, t, z, k)) != OK)
         return status;

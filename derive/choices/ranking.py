@@ -136,6 +136,7 @@ def score(ranking: Ranking) -> Score:
 
 
 def reason_of(best: Ranking, others: Sequence[Ranking]) -> str:
+    """Why the best one was taken, beside the next."""
     speeds = listed(best.rows, NAMES)
     if not best.rows:
         return "the constraints leave nothing to choose"

@@ -23,6 +23,7 @@ from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import ONE, ZERO, Call, Expression, Name
 from derive.expressions.units import LENGTH, NUMBER, TIME, quotient_of
 from derive.model.algebra import minus, negated, plus, times
+from derive.model.limits import LONGEST_RATE
 from derive.model.records import GROUND, Measure, Vector3
 from derive.model.scope import COORDINATE, PARAMETER, STATE, VELOCITY, Scope, Symbol
 from derive.model.space import ORIGIN, Space, normalised
@@ -97,9 +98,6 @@ def _meaning(
 def speaks_of_motion(text: str) -> bool:
     """Whether a formula uses functions of this module."""
     return WORDS.search(text) is not None
-
-
-LONGEST_RATE = 100_000  # nodes of the rate of a definition
 
 
 @dataclass(frozen=True)

@@ -21,3 +21,7 @@ ORTHOGONAL = 1e-6
 
 # extremes
 RTOL = {"float64": 1e-11, "float32": 1e-6}  # of a case that says nothing, by what it is computed in
+
+# ---- formulas (nodes)
+
+LONGEST_RATE = 100_000  # of the rate of a definition, which is written out

@@ -55,5 +55,10 @@ def test_so_do_many_motions(rope, tmp_path, monkeypatch, numpy):
     with pytest.warns(RuntimeWarning, match="2 of 3 motions ended early"):
         found = module.simulate((0.0, 1.2), np.array([start, slow, start]))
     assert [int(x) for x in found.status] == [13, 0, 13]
+    # at rest and beside the constraints: projection takes it there, and that is no jump
+    beside = module.project(0.0, np.array([1.0, 0.0, 0.0, 0.0, 0.0]))
+    beside[2] += 0.1
+    for x in (beside, np.stack([beside, beside])):
+        assert not np.any(module.simulate((0.0, 0.1), x).status)
     with pytest.raises(module.Stopped, match=r"at t = 0\.9549.*: a constraint jumps here"):
         module.simulate((0.0, 1.2), start)

@@ -93,15 +93,17 @@ class Graph:
         self.operands: list[tuple[int, ...]] = [()]
         # of sums the factor each was first met with: its own numbers, undivided
         self.natural: dict[int, float] = {}
+        self._below: set[int] = set()  # products that divide
         self._inputs: dict[tuple[str, int], int] = {}
         self._literals: dict[str, int] = {}
         self._sums: dict[tuple[tuple[int, float], ...], int] = {}
         self._products: dict[tuple[tuple[int, int], ...], int] = {}
         self._calls: dict[tuple[str, tuple[Reference, ...]], int] = {}
 
-    def _append(self, node: Node, operands: Iterable[int]) -> int:
+    def _append(self, node: Node, operands: tuple[int, ...]) -> int:
+        """The id of a new node; the number one is none of its operands."""
         self.nodes.append(node)
-        self.operands.append(tuple([other for other in operands if other != ONE]))
+        self.operands.append(operands)
         return len(self.nodes) - 1
 
     def find_call(self, function: str, operands: tuple[Reference, ...]) -> int | None:
@@ -155,16 +157,19 @@ class Graph:
         removable singularity goes."""
         members = list(factors)
         scale = 1.0
+        divides = False
         merged: dict[int, int] = {}
         for (factor, node), exponent in members:
             if factor != 1.0:
                 scale *= factor if exponent == 1 else power(factor, exponent)
             if node != ONE:
-                merged[node] = merged.get(node, 0) + exponent
+                merged[node] = merged[node] + exponent if node in merged else exponent
+                divides = divides or exponent < 0
         # a constant that left the range of doubles may come back with the factors beside it
         if scale == 0.0 or scale == math.inf or scale == -math.inf:
             return self._extreme_product(scale, merged, members)
-        self._cancel(merged)
+        if len(merged) > 1 and (divides or not self._below.isdisjoint(merged)):
+            self._cancel(merged)
         inside = sorted([(node, exponent) for node, exponent in merged.items() if exponent != 0])
         return self._scaled_product(scale, inside)
 
@@ -186,7 +191,7 @@ class Graph:
         """The reference with a factor that is far from overflow: factors that grow or shrink along
         a long recursion stay inside of a node from time to time, and begin again at 1."""
         factor, node = reference
-        if node == ONE or factor == 0.0 or 1.0 / MODEST <= abs(factor) <= MODEST:
+        if factor == 1.0 or node == ONE or factor == 0.0 or 1.0 / MODEST <= abs(factor) <= MODEST:
             return reference
         return (math.copysign(1.0, factor), self._scaled_node((abs(factor), node)))
 
@@ -198,14 +203,13 @@ class Graph:
     def _sum_node(self, inside: tuple[tuple[int, float], ...], natural: float) -> int:
         result = self._sums.get(inside)
         if result is None:
-            result = self._sums[inside] = self._append(Sum(inside), [node for node, _ in inside])
+            operands = tuple([node for node, _ in inside if node != ONE])
+            result = self._sums[inside] = self._append(Sum(inside), operands)
             self.natural[result] = natural
         return result
 
     def _cancel(self, merged: dict[int, int]) -> None:
         """Open products among the factors that another factor cancels against: l · (sin / l)."""
-        if len(merged) < 2:
-            return
         for node in list(merged):
             inside = self.nodes[node]
             if not isinstance(inside, Product):
@@ -227,8 +231,10 @@ class Graph:
         inside = tuple(members)
         result = self._products.get(inside)
         if result is None:
-            result = self._append(Product(inside), [node for node, _ in inside])
+            result = self._append(Product(inside), tuple([node for node, _ in inside]))
             self._products[inside] = result
+            if any([exponent < 0 for _, exponent in inside]):
+                self._below.add(result)
         return (scale, result)
 
     def call(self, function: str, operands: Sequence[Reference]) -> Reference:
@@ -246,7 +252,8 @@ class Graph:
             sign, inside = inside[0][0], ((1.0, inside[0][1]),)
         result = self._calls.get((function, inside))
         if result is None:
-            result = self._append(Call(function, inside), [node for _, node in inside])
+            used = tuple([node for _, node in inside if node != ONE])
+            result = self._append(Call(function, inside), used)
             self._calls[function, inside] = result
         return (sign, result)
 

@@ -60,17 +60,24 @@ class Code:
 
     def put(self, name: str, *operands: Operand) -> int:
         """The index of an operation, appended when it is new."""
-        inner = tuple([operand for operand in operands if isinstance(operand, int)])
-        values = len(inner) == len(operands)
-        if name in ("add", "mul") and (
-            operands[0] > operands[1] if values else _comes_after(*operands)
-        ):
-            operands, inner = operands[::-1], inner[::-1]
+        if float in map(type, operands):
+            return self._put_with_numbers(name, operands)
+        if (name == "add" or name == "mul") and operands[0] > operands[1]:
+            operands = operands[::-1]
         key = (name, operands)
-        if not values:  # Python takes operation 2 and the number 2.0 for the same
-            key = (name, operands, *map(type, operands))
         place = self._places.get(key)
         if place is None:
+            place = self._append(key, Operation(name, operands), operands)
+        return place
+
+    def _put_with_numbers(self, name: str, operands: tuple[Operand, ...]) -> int:
+        if name in ("add", "mul") and _comes_after(*operands):
+            operands = operands[::-1]
+        # Python takes operation 2 and the number 2.0 for the same
+        key = (name, operands, *map(type, operands))
+        place = self._places.get(key)
+        if place is None:
+            inner = tuple([operand for operand in operands if isinstance(operand, int)])
             place = self._append(key, Operation(name, operands), inner)
         return place
 

@@ -199,6 +199,7 @@ class System:
     M: ca.SX  # all zeros where not `written`
     Q: ca.SX  # everything applied: springs, dampers, inputs, forces, nonideal constraint forces
     phi: ca.SX
+    assembly: ca.SX  # φ by which loops are closed: zero with φ, and only where joints are as given
     A: ca.SX
     c: ca.SX
     beta: ca.SX

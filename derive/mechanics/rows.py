@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 
@@ -21,7 +22,7 @@ def numbered(found: Sequence[Block]) -> list[Block]:
         rows = tuple(
             Row(r.name, r.position + start if r.position >= 0 else -1, r.unit) for r in block.rows
         )
-        result.append(Block(rows, block.phi, block.ways, block.nonideal))
+        result.append(replace(block, rows=rows))
         start += len(block.phi)
     return result
 

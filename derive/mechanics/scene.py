@@ -112,3 +112,10 @@ class Block:
     phi: tuple[ca.SX, ...]
     ways: tuple[tuple[RowForm, ...], ...]
     nonideal: tuple[ca.SX, ...] = ()  # generalised force per coordinate, conjugate to q̇
+    # φ for whoever closes the loop from afar, where φ has solutions that are none of the joint's
+    assembly: tuple[ca.SX, ...] = ()
+
+    @property
+    def closing(self) -> tuple[ca.SX, ...]:
+        """φ as the loop is closed by."""
+        return self.assembly or self.phi

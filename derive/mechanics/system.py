@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -105,11 +105,8 @@ def _assembled(
     seen = functools.cache(lambda: layouts(links))
     M = _mass(links, inertias(), nv) + extra.M if written else ca.SX(nv, nv)
     A, c, beta = _rows(scene, [row for block in found for row in block.ways[0]])
-    phi = (
-        ca.vertcat(*[x for block in found for x in block.phi])
-        if any(b.phi for b in found)
-        else ca.SX(0, 1)
-    )
+    phi = _stacked(x for block in found for x in block.phi)
+    assembly = _stacked(x for block in found for x in block.closing)
     zdot, stored = rates_of_states(scene), energy_of_states(scene)
 
     def bias() -> ca.SX:
@@ -166,6 +163,7 @@ def _assembled(
         h=term(h, nv),
         Q=Q,
         phi=phi,
+        assembly=assembly,
         A=A,
         c=c,
         beta=beta,
@@ -195,6 +193,12 @@ def _assembled(
         zdot=zdot,
     )
     return result, nonideal
+
+
+def _stacked(entries: Iterable[ca.SX]) -> ca.SX:
+    """One under the other, also where there are none."""
+    given = list(entries)
+    return ca.vertcat(*given) if given else ca.SX(0, 1)
 
 
 def _is_short(links: Sequence[Link], tied: bool) -> bool:

@@ -13,13 +13,14 @@ import numpy as np
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 from derive.numerics import NONZERO
-from derive.states.limits import CLOSED, EVEN, LEAP, MANY_ROWS, NEWTON, REPEATS
+from derive.states.limits import CLOSED, EVEN, LEAP, MANY_ROWS, NEWTON, NUDGES, REPEATS
 from derive.states.sparse import Sparse, squares
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """φ, A, c and N of a system, evaluated by CasADi; what is compiled is kept."""
+    """φ as loops are closed by, A, c and N of a system, evaluated by CasADi; what is compiled is
+    kept."""
 
     system: System
 
@@ -133,7 +134,7 @@ class Kinematics:
 
     @cached_property
     def _positions(self) -> ca.Function:
-        return self._function("positions", self.system.phi, self._jacobian)
+        return self._function("positions", self.system.assembly, self._jacobian)
 
     @cached_property
     def _velocities(self) -> ca.Function:
@@ -142,7 +143,7 @@ class Kinematics:
     @cached_property
     def _closing(self) -> ca.Function:
         along = self._jacobian if self.plain else ca.mtimes(self._jacobian, self.system.N)
-        return self._function("closing", self.system.phi, along)
+        return self._function("closing", self.system.assembly, along)
 
     @cached_property
     def _rates(self) -> ca.Function:
@@ -150,7 +151,7 @@ class Kinematics:
 
     @cached_property
     def _jacobian(self) -> ca.SX:
-        return ca.jacobian(self.system.phi, self.system.q)
+        return ca.jacobian(self.system.assembly, self.system.q)
 
 
 def _unpacked(found: ca.DM, pattern: ca.Sparsity, k: int) -> np.ndarray:
@@ -214,6 +215,13 @@ def shortest(A: np.ndarray | Sparse, b: np.ndarray) -> np.ndarray:
     if isinstance(A, Sparse):
         return squares(A.pattern).shortest(A, b[None])[0]
     return np.linalg.lstsq(A, b, rcond=REPEATS)[0]
+
+
+def nudges(n: int) -> list[np.ndarray]:
+    """What a start is moved by until it closes: first by nothing. Where a row has no slope, as a
+    distance of two points that coincide or an angle half a turn off, any way out will do."""
+    ways = np.random.default_rng(0).uniform(-1.0, 1.0, (len(NUDGES), n))
+    return [size * way for size, way in zip(NUDGES, ways)]
 
 
 def closed(

@@ -14,7 +14,7 @@ from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 from derive.model.records import Span
 from derive.numerics import refuses_numerically
-from derive.states.closing import Kinematics, closed, nominal, normalised, shortest
+from derive.states.closing import Kinematics, closed, nominal, normalised, nudges, shortest
 from derive.states.limits import AGREES
 from derive.states.scales import scaled, scales
 from derive.states.sparse import Sparse, stacked, unit, with_zeros
@@ -168,24 +168,36 @@ def _start(system: System, given: dict[str, float]) -> np.ndarray:
 def _closed(
     own: Own, solver: Kinematics, start: np.ndarray, held: set[str], p: np.ndarray
 ) -> np.ndarray | None:
-    """Guesses move, else everything may."""
+    """Guesses move, else everything may; where neither will do, from a start beside it. A start
+    at which φ has no value stays as it is: a disk that lies flat touches nowhere."""
     system = own.system
     free = np.array([c.name not in held for c in system.model.coordinates])
-    for choice in (free, np.ones(len(start), dtype=bool)):
-        q = closed(solver, own.t, start, p, choice, by_row=True)
-        if q is not None:
-            return normalised(system, q)
+    for nudge in nudges(len(start)):
+        if nudge.any() and not np.isfinite(_positions(system, own.t, start, p)).all():
+            break
+        for choice in (free, np.ones(len(start), dtype=bool)):
+            beside = normalised(system, start + nudge * choice)
+            q = closed(solver, own.t, beside, p, choice, by_row=True)
+            if q is not None:
+                return normalised(system, q)
     return None
 
 
+def _positions(system: System, t: float, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """φ."""
+    phi = ca.Function("phi", [system.t, system.q, system.p], [ca.densify(system.phi)])
+    values: np.ndarray = phi(t, q, p).full().ravel()
+    return values
+
+
 def _off(system: System, p: np.ndarray, start: np.ndarray, t: float) -> ModelError:
-    phi = Kinematics(system).positions(t, start, p)[0]
-    worst = int(np.argmax(np.abs(phi)))
+    off = _positions(system, t, start, p)
+    worst = int(np.argmax(np.where(np.isnan(off), np.inf, np.abs(off))))
     row = next(row.name for row in system.rows if row.position == worst)
+    how = f"is off by {off[worst]:.3g}" if np.isfinite(off[worst]) else "has no value there"
     return _problem(
         system,
-        f"no configuration near the initial values satisfies the constraints ({row} is off by "
-        f"{phi[worst]:.3g})",
+        f"no configuration near the initial values satisfies the constraints ({row} {how})",
         "initial values, or values under `guess:`, nearer to one; or lengths and constraints that "
         "can be met together",
         row,

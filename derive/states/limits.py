@@ -11,6 +11,7 @@ CLOSED = 1e-12  # |φ| against 1 + |q|, or of a row against the sizes of its own
 EVEN = 1e-3  # of the largest of these a row has at least that part
 NEWTON = 30  # iterations after which a start counts as hopeless
 LEAP = 0.7  # rad: the largest step taken at once
+NUDGES = (0.0, 1e-3, 0.1)  # rad or own lengths: what a start that does not close is moved by
 
 # independence
 # of the independence of all rows: with less at some state other rows than the first are looked at

@@ -23,7 +23,7 @@ from derive.expressions.columns import columns_of
 from derive.expressions.evaluate import casadi_functions, value
 from derive.mechanics.records import System
 from derive.numerics import NONZERO
-from derive.states.closing import normalised
+from derive.states.closing import normalised, nudges
 from derive.states.initial import own_units
 from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS
 
@@ -65,6 +65,7 @@ class Starter:
     formulas: ca.Function  # (t, p) → the values of `initial`, in SI
     varied: bool  # whether these depend on p
     positions: ca.Function | None  # (t, q, p) → φ, ∂φ/∂q; None where there is no φ
+    start: ca.Function | None  # (t, q, p) → φ as it is, which a start must have
     rows: ca.Function  # (t, q, p) → A, c
     rates: ca.Function | None  # (t, q, p) → N; None where it is one
     speeds: tuple[str, ...] = ()  # declared quasi-velocities, and (t, q, p) → their rows
@@ -118,19 +119,29 @@ class Starter:
         given: Mapping[str, np.ndarray],
         p: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Guesses move; where that does not do, everything may."""
+        """Guesses move; where that does not do, everything may; then from a start beside it."""
         names, zero = self.coordinates, np.zeros(p.shape[1])
         start = self._normalised(np.stack([zero + given.get(name, 0.0) for name in names]))
         free = np.array([name not in self.held for name in names], dtype=float)
         if self.positions is None:
             return start, _finite(start)
-        q, done = closed_many(self.positions, t, start, p, free)
-        if not done.all():
-            rest = ~done
-            q[:, rest], done[rest] = closed_many(
-                self.positions, t[:, rest], start[:, rest], p[:, rest], np.ones(len(names))
-            )
+        q, done = start.copy(), np.zeros(start.shape[1], dtype=bool)
+        for nudge in nudges(len(names)):
+            able = self._able(t, start, p) if nudge.any() else ~done
+            for choice in (free, np.ones(len(names))):
+                rest = able & ~done
+                if not rest.any():
+                    break
+                beside = self._normalised(start[:, rest] + (nudge * choice)[:, None])
+                q[:, rest], done[rest] = closed_many(
+                    self.positions, t[:, rest], beside, p[:, rest], choice
+                )
         return self._normalised(q), done
+
+    def _able(self, t: np.ndarray, start: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Whether φ has a value at the start of each motion: else none beside it is tried."""
+        assert self.start is not None
+        return _finite(columns_of(self.start)(t, start, p)[0])
 
     def _normalised(self, q: np.ndarray) -> np.ndarray:
         return normalised(self, q.T).T if self.quaternions else q
@@ -219,7 +230,7 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
     s = own.system
     place = [s.t, s.q, s.own_p]
     unmoved = s.N.is_square() and bool((s.N - ca.SX.eye(s.N.size1())).is_zero())
-    slopes = ca.jacobian(s.phi, s.q)
+    slopes = ca.jacobian(s.assembly, s.q)
     formulas = _formulas(system)
     return Starter(
         names=tuple(names),
@@ -234,9 +245,10 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
         parameters=own.parameters[: len(system.own_parameters)],
         formulas=formulas,
         varied=formulas.jac_sparsity(0, 1).nnz() > 0,
-        positions=ca.Function("phi", place, [ca.densify(s.phi), ca.densify(slopes)])
+        positions=ca.Function("phi", place, [ca.densify(s.assembly), ca.densify(slopes)])
         if s.phi.numel()
         else None,
+        start=ca.Function("start", place, [ca.densify(s.phi)]) if s.phi.numel() else None,
         rows=ca.Function("rows", place, [ca.densify(s.A), ca.densify(s.c)]),
         rates=None if unmoved else ca.Function("rates", place, [ca.densify(s.N)]),
         speeds=tuple(x.name for x in model.speeds),

@@ -114,6 +114,7 @@ def scaled(system: System, own: Scales) -> System:
     substituted = ca.substitute(
         [
             system.phi / own.time,
+            system.assembly / own.time,
             ca.mtimes(system.A, ca.diag(ca.DM(v))),
             system.c,
             ca.mtimes(ca.diag(rates), ca.mtimes(system.N, ca.diag(ca.DM(v)))),
@@ -123,7 +124,7 @@ def scaled(system: System, own: Scales) -> System:
         [system.t, system.q, system.v, system.p],
         [own.time * system.t, ca.DM(q) * system.q, ca.DM(v) * system.v, ca.DM(p) * system.p],
     )
-    terms = dict(zip(("phi", "A", "c", "N", "M", "qdot"), substituted))
+    terms = dict(zip(("phi", "assembly", "A", "c", "N", "M", "qdot"), substituted))
     return _of_like_rows(
         changed(system, model=replace(model, initial=start), parameters=parameters, **terms)
     )
@@ -148,12 +149,13 @@ def _of_like_rows(system: System) -> System:
         if row.position >= 0:
             positions[row.position] = size
     by_row = ca.DM(1.0 / rows)
-    A, c, phi = (
+    A, c, phi, assembly = (
         ca.mtimes(ca.diag(by_row), system.A),
         by_row * system.c,
         system.phi / ca.DM(positions),
+        system.assembly / ca.DM(positions),
     )
-    return changed(system, A=A, c=c, phi=phi)
+    return changed(system, A=A, c=c, phi=phi, assembly=assembly)
 
 
 def _without_roundoff(system: System, sizes: np.ndarray) -> np.ndarray:

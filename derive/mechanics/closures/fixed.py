@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from derive.mechanics.closures.parts import LOCKED, meeting, right_angles
+from derive.mechanics.closures.parts import LOCKED, locked, meeting
 from derive.mechanics.closures.records import Closing
 from derive.mechanics.scene import Block, Scene
 from derive.model.records import (
@@ -19,7 +19,7 @@ def fixed(scene: Scene, closure: Closure) -> list[Block]:
     """
     return [
         meeting(scene, closure),
-        right_angles(scene, closure, ((0, 1),) if scene.model.plane else LOCKED),
+        locked(scene, closure, ((0, 1),) if scene.model.plane else LOCKED),
     ]
 
 

@@ -25,6 +25,7 @@ from derive.model.records import (
 
 PARALLEL = ((0, 2), (1, 2))  # the second axis stays at right angles to the first frame's other two
 LOCKED = (*PARALLEL, (1, 0))
+HALF_A_TURN = 1e-12  # 1 + tr R up to which frames are half a turn apart
 
 
 def meeting(scene: Scene, closure: Closure) -> Block:
@@ -93,6 +94,24 @@ def right_angles(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]
     return block_of_positions(
         scene, [f"{closure.name}.turn{k + 1}" for k in range(len(pairs))], phi, "rad/s"
     )
+
+
+def locked(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]]) -> Block:
+    """`right_angles` of pairs that leave no turn. Half a turn away they are met as well: a loop is
+    closed by Rodrigues' parameters instead,
+
+        2 tan(θ/2) e = 2 vee(R − Rᵀ)/(1 + tr R),   Rᵢⱼ = aᵢ · bⱼ,
+
+    which have the same slope where the frames agree, are zero there alone, and are not singular
+    anywhere short of half a turn, where they have no value."""
+    frames = closure_frames(scene, closure)
+    first, second = frames.axes
+    below = 1 + sum((ca.dot(a, b) for a, b in zip(first, second)), ca.SX(0))
+    below = ca.if_else(below > HALF_A_TURN, below, 0)  # what rounding leaves is no number, either
+    assembly = [
+        2 * (ca.dot(first[i], second[j]) - ca.dot(first[j], second[i])) / below for i, j in pairs
+    ]
+    return replace(right_angles(scene, closure, pairs), assembly=tuple(assembly))
 
 
 def shifts(scene: Scene, closure: Closure, axes: Sequence[int]) -> Block:

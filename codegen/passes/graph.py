@@ -233,7 +233,7 @@ class Graph:
         if result is None:
             result = self._append(Product(inside), tuple([node for node, _ in inside]))
             self._products[inside] = result
-            if any([exponent < 0 for _, exponent in inside]):
+            if any(exponent < 0 for _, exponent in inside):
                 self._below.add(result)
         return (scale, result)
 

@@ -22,8 +22,8 @@ from derive.expressions.linearity import Degree
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import ONE, ZERO, Call, Expression, Name
 from derive.expressions.units import LENGTH, NUMBER, TIME, quotient_of
-from derive.model.algebra import minus, negated, plus, times
 from derive.model.limits import LONGEST_RATE
+from derive.model.quantities import minus, negated, plus, times
 from derive.model.records import GROUND, Measure, Vector3
 from derive.model.scope import COORDINATE, PARAMETER, STATE, VELOCITY, Scope, Symbol
 from derive.model.space import ORIGIN, Space, normalised

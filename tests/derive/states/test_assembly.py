@@ -1,5 +1,7 @@
-"""Of derive.states: initial, closing. Loops are closed where the joints of the file are, not where
-their rows vanish as well."""
+"""Loops are closed where the joints of the file are, not where their rows vanish as well.
+
+Of derive.states: initial, closing.
+"""
 
 from __future__ import annotations
 

@@ -49,6 +49,7 @@ from hamel.verify.reference.vectors import Array
 UNVARIED = 5  # states with the file's own parameters
 SHORT = 1e-3  # of the model's own time
 FAR = 0.1  # off the constraints, in the model's own units
+NEARER = (FAR, FAR / 10, FAR / 100, FAR / 1000)  # where the constraints have no value that far
 LOST = 1e-8  # an eigenvalue of Sᵀ M S, scaled, excuses no more than the loss of so many digits
 
 
@@ -183,12 +184,18 @@ class Evidence:
 
     @cached_property
     def disturbed(self) -> tuple[State, ...]:
-        """The states with q moved off the constraints by up to 0.1, the same way every time."""
+        """The states with q moved off the constraints by up to 0.1, the same way every time; by
+        less where the constraints have no value there."""
         rng = np.random.default_rng(0)
-        moved = [s.q + FAR * self.units.q * rng.uniform(-1, 1, len(s.q)) for s in self.samples]
-        return tuple(
-            state_of(self.reference, s.t, q, s.v, s.u, s.full) for s, q in zip(self.samples, moved)
-        )
+        ways = [self.units.q * rng.uniform(-1, 1, len(s.q)) for s in self.samples]
+        return tuple(self._beside(s, way) for s, way in zip(self.samples, ways))
+
+    def _beside(self, s: Sample, way: Array) -> State:
+        for size in NEARER:
+            beside = state_of(self.reference, s.t, s.q + size * way, s.v, s.u, s.full)
+            if np.isfinite(self.kinematics(beside).phi).all():
+                break
+        return beside
 
     @cached_property
     def astray(self) -> tuple[Array, ...]:

@@ -11,14 +11,18 @@ import numpy as np
 
 from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces
+from derive.model.records import Model
 from derive.states import sampling
 from hamel.verify.reference.outcome import Outcome, Reference, evaluate, state_of
+from hamel.verify.reference.outputs import outputs
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
 # Parameters that are arguments vary by this part of their value; where that is no machine, for its
 # mass matrix has a negative eigenvalue, by less, and at last not at all.
 VARIED = (0.2, 0.02, 0.0)
+# of the usual way from the initial state: how far states lie, and their stand-ins
+SPREADS = (1.0, 0.3, 0.1, 0.03)
 TERMS = ("qdot", "N", "M", "h", "Q", "phi", "A", "c", "beta", "T", "V", "energy", "power", "zdot")
 VECTORS = ("qdot", "h", "Q", "phi", "c", "beta", "zdot")
 MATRICES = ("N", "M", "A")
@@ -107,23 +111,50 @@ def terms(system: System) -> TermsAt:
 def samples(system: System, reference: Reference, count: int, seed: int) -> tuple[Sample, ...]:
     """Random admissible states of derive.states.sampling, each evaluated by the reference.
 
-    The first has the file's own parameters. They are varied one by one, and the reference says
-    whether what comes of it is a machine; at their own values nothing is left out.
+    Where it has no value, as for a rope whose end is within its pulley, no motion comes by: others
+    nearer to the initial state stand in. All are kept where none is left.
     """
+    found: list[Sample] = []
+    everything: list[Sample] = []
+    for spread in SPREADS:
+        drawn = _of_machines(system, reference, count, seed, spread)
+        everything = everything or drawn
+        found += [s for s in drawn if _has_values(reference.model, s)]
+        if len(found) >= len(everything):
+            break
+    return tuple(found[: len(everything)] or everything)
+
+
+def _has_values(model: Model, s: Sample) -> bool:
+    """Whether all forces and outputs have: a formula may be no number somewhere."""
+    told = outputs(model, s.state, s.outcome.lam)
+    return all(np.isfinite(x).all() for x in (s.outcome.Q, s.outcome.h, told))
+
+
+def _of_machines(
+    system: System, reference: Reference, count: int, seed: int, spread: float
+) -> list[Sample]:
+    """The first has the file's own parameters. They are varied one by one, and the reference says
+    whether what comes of it is a machine; at their own values nothing is left out."""
     drawn: list[Sample] = []
     for share in VARIED:
-        some = drawn_samples(system, reference, count, seed, share)
+        some = drawn_samples(system, reference, count, seed, share, spread)
         drawn += [s for s in some if share == 0.0 or s.outcome.admissible]
         if len(drawn) >= len(some):
-            return tuple(drawn[: max(len(some), 1)])
-    return tuple(drawn[:count])
+            return drawn[: max(len(some), 1)]
+    return drawn[:count]
 
 
 def drawn_samples(
-    system: System, reference: Reference, count: int, seed: int, share: float
+    system: System,
+    reference: Reference,
+    count: int,
+    seed: int,
+    share: float,
+    spread: float = 1.0,
 ) -> list[Sample]:
     """The same with parameters varied by that share of their values, and none left out."""
-    result = sampling.states(system, count, seed, parameters=share)
+    result = sampling.states(system, count, seed, spread, share)
     rows = zip(result.t, result.q, result.v, result.u, result.p)
     return [_sample(system, reference, *row) for row in rows]
 

@@ -134,3 +134,52 @@ def test_powers_of_nothing_are_no_doubt(tmp_path: Path) -> None:
     np.testing.assert_allclose(rows[:, 1], alone, rtol=1e-14)
     text = (built.folder / "contact.c").read_text()
     assert "pow(" in text and "1.5)" not in text and "-2.5" not in text  # half powers are products
+
+
+# a rope whose end is within its pulley, a constraint and an output that end beside the start
+WRAPPED = """
+model: wrapped
+plane: xy
+bodies: {A: {mass: 1 kg, inertia: 0.1}}
+joints: {ja: {type: planar, parent: ground, child: A, coordinates: [x, y, a]}}
+paths:
+  p:
+    - {body: ground, at: [1, -0.3]}
+    - {body: ground, at: [0, 0], pulley: {radius: 0.4, side: left}}
+    - {body: A}
+loads: {k: {type: tension, path: p, tension: 3 N}}
+initial: {x: -1 m, y: 0.2 m}
+"""
+LOGARITHM = """
+model: logarithm
+plane: xy
+bodies: {A: {mass: 1 kg, inertia: 0.1}}
+joints: {ja: {type: planar, parent: ground, child: A, coordinates: [x, y, a]}}
+loads: {k: {type: expression, velocity: ja.vx, expression: "-(1 N)*acos(x/(1 m))*(x/(1 m))^1.5"}}
+constraints: {c: {holonomic: "y - (1 m)*log(x/(0.1 m))"}}
+initial: {x: 0.3 m, y: 1 m}
+outputs: {o: "sqrt(x - 0.2 m)"}
+"""
+
+
+@pytest.mark.parametrize("text", [WRAPPED, LOGARITHM], ids=["wrapped", "logarithm"])
+def test_states_where_nothing_has_a_value_are_no_motion_s(text: str) -> None:
+    found = seen(text)
+    assert len(found.samples) == 10
+    assert all(np.isfinite(s.outcome.vdot).all() for s in found.samples)
+    assert [check.name for check in results(found) if not check.passed] == []
+
+
+def test_a_state_where_the_reference_alone_has_a_value_is_kept() -> None:
+    found = seen(LOGARITHM)
+    ours = found.graph.equations
+    wrong = replace(
+        ours.function("outputs"),
+        result=replace(
+            ours.function("outputs").result, value=ca.sqrt(ca.SX(ours.system.q[0]) - 0.5)
+        ),
+    )
+    functions = tuple(wrong if f.name == "outputs" else f for f in ours.functions)
+    spoiled = evidence(found.reference, replace(ours, functions=functions), states=20)
+    failed = [check.name for check in results(spoiled) if not check.passed]
+    assert "outputs" in failed

@@ -1,11 +1,15 @@
 """Text of a formula → expression tree: a precedence parser with a whitelist grammar. Nothing is
 ever evaluated as Python.
 
-sum     = product (("+" | "-") product)* product = unary (("*" | "/") unary)* unary   = ("+" | "-")*
-power power   = atom [("**" | "^") unary]                      right-associative, and binds tighter
-than a minus atom    = number [unit] | name | "der" "(" sum ")" | function "(" sum ("," sum)* ")"
-["." letters] | "(" sum ")" | "[" sum, … "]" unit    = (symbol ["^" integer] | "1" "/" symbol
-["^" integer]) (("*" | "/") (symbol ["^" integer] | "(" unit ")"))*
+    sum     = product (("+" | "-") product)*
+    product = unary (("*" | "/") unary)*
+    unary   = ("+" | "-")* power
+    power   = atom [("**" | "^") unary]    right-associative, and binds tighter than a minus
+    atom    = number [unit] | name | "der" "(" sum ")" ["." letters]
+            | function "(" sum ("," sum)* ")" ["." letters]
+            | "(" sum ")" ["." letters] | "[" sum, … "]"
+    unit    = (symbol ["^" integer] | "1" "/" symbol ["^" integer])
+              (("*" | "/") (symbol ["^" integer] | "(" unit ")"))*
 """
 
 from __future__ import annotations
@@ -216,7 +220,7 @@ class _Parser:
         if token.kind == "name":
             return self._named()
         if token.text == "(":
-            return self._bracketed_quantity() or self._bracketed(")")[0]
+            return self._component(self._bracketed_quantity() or self._bracketed(")")[0])
         if token.text == "[" and self.vectors:
             return tree.Vector(tuple(self._bracketed("]", many=True)), token.at)
         if token.text == "[":
@@ -384,21 +388,22 @@ class _Parser:
                 else tree.Name(token.text, token.at)
             )
         if token.text == "der":
-            return self._rate(token)
+            return self._component(self._rate(token))
         if token.text not in self.functions:
             self._refuse_function(token)
         return self._component(self._call(token))
 
-    def _component(self, call: tree.Call) -> Expression:
-        """`position(b).x`: a component of what a function gives, as a call of the function
-        `.x`."""
-        if self.token.text != "." or call.function not in KINEMATIC_FUNCTIONS:
-            return call
+    def _component(self, part: Expression) -> Expression:
+        """`position(b).x`: a component of what a function gives, or brackets with one, as a call of
+        the function `.x`."""
+        if self.token.text != "." or not _is_kinematic(part):
+            return part
         self.take()
         letters = self.take()
         if letters.kind != "name":
-            self._refuse_token(letters, f"a component, such as {call.function}(…).x")
-        return tree.Call(f".{letters.text}", (call,), call.at)
+            given = part.function if isinstance(part, tree.Call) else ""
+            self._refuse_token(letters, f"a component, such as {given}(…).x")
+        return tree.Call(f".{letters.text}", (part,), part.at)
 
     def _refuse_function(self, token: _Token) -> NoReturn:
         if token.text in self.names:
@@ -560,6 +565,12 @@ def _finite(token: _Token, text: str) -> float:
             ABOVE,
         )
     return value
+
+
+def _is_kinematic(part: Expression) -> bool:
+    """Whether it may be a vector: whether it is one is seen where bodies have places."""
+    calls = (x for x in tree.walk(part) if isinstance(x, tree.Call))
+    return any(call.function in KINEMATIC_FUNCTIONS for call in calls)
 
 
 def _split_unit(text: str) -> str:

@@ -36,7 +36,7 @@ def axis(
         return _turning_axis(reader, entry.axis, kind)
     given = reader.direction(entry.axis, "an axis")
     if kind in ("planar", "point") and isinstance(entry, JointEntry):
-        _check_plane(reader, entry.axis, given)
+        _check_plane(reader, entry.axis, given, kind)
     return given
 
 
@@ -50,11 +50,11 @@ def _turning_axis(reader: Reader, node: Scalar | Items, kind: str) -> Vector3:
     return reader.space.normal
 
 
-def _check_plane(reader: Reader, node: Scalar | Items, given: Vector3) -> None:
+def _check_plane(reader: Reader, node: Scalar | Items, given: Vector3, kind: str) -> None:
     if numbers(given) not in ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)):
         wanted = "x, -y or z: the planes (y, z), (x, z) and (x, y)"
         reader.report(
-            node.span, "the axis of a planar joint", wanted, "turn the joint's frame with `rpy`"
+            node.span, f"the axis of a {kind} joint", wanted, "turn the joint's frame with `rpy`"
         )
 
 

@@ -31,6 +31,8 @@ outputs: {o: "FORMULA"}
         ("norm([1 m, 2, 3] - [1 m, 2 m, 2 m])", "m"),
         ("norm(cross([1 m, 0, 0], velocity(A)))", "m^2/s"),
         ("norm(2*velocity(A))", "m/s"),
+        ("(position(A) - 2*velocity(A)*(1 s)).y", "m"),
+        ("2*(position(A)*(2 m)).x^2", "m^4"),
     ],
 )
 def test_a_quantity_times_a_vector_has_the_unit_of_both(formula, unit):
@@ -43,6 +45,7 @@ def test_a_quantity_times_a_vector_has_the_unit_of_both(formula, unit):
     [
         ("norm(velocity(A) + (50 cm)*velocity(A))", "cannot add m^2/s to m/s", "(50 cm)"),
         ("norm([1 m, 0, 0] + [1 s, 0, 0])", "cannot add s to m", "1 s"),
+        ("(distance(A, ground)).x", "a number where a vector is needed", "distance"),
     ],
 )
 def test_vectors_of_other_units_are_not_added(formula, said, at):

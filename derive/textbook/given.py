@@ -9,12 +9,17 @@ from typing import Any
 import casadi as ca
 import sympy
 
-from derive.joints import joint_type
-from derive.model.records import Body, Closure, Constraint, Input, Joint, Load, Parameter
+from derive.model.records import Body, Closure, Constraint, Input, Load, Parameter
 from derive.textbook import names
+from derive.textbook.given_closures import closure
+from derive.textbook.given_constraints import constraint
+from derive.textbook.given_events import events
+from derive.textbook.given_frames import of_loads, of_pairs, turned
+from derive.textbook.given_joints import joints
+from derive.textbook.given_loads import laws, load
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.records import Math, Run, Runs, Text
-from derive.textbook.sentences import closure, constraint, driven, kind, load, place, point
+from derive.textbook.sentences import driven, kind, point
 
 AXIS_OF = {"xy": 2, "xz": 1, "yz": 0}  # plane → the place of its normal
 PRINCIPAL = 3  # moments of inertia that are always shown
@@ -35,8 +40,12 @@ def given(doc: Manuscript) -> None:
     _energies(doc)
     _tied(doc)
     _driven(doc)
+    events(doc)
     if doc.rounded:
-        doc.say("Numbers of these tables are rounded to six digits; the formulas have them all.")
+        doc.say(
+            "Numbers of these tables, but for the values of parameters, are rounded to six digits; "
+            "the formulas have them all."
+        )
 
 
 def _scene(doc: Manuscript) -> None:
@@ -98,10 +107,18 @@ def _value(x: Parameter) -> Run:
     """The number; a simple share of π for an angle that is one."""
     share = Fraction(x.value / math.pi).limit_denominator(FINEST)
     if x.unit not in ANGLES or not share or float(share) * math.pi != x.value:
-        return Text(f"{x.value:.15g}".replace("-", "−"))
+        return _decimal(x.value)
     times = "" if share.numerator in (1, -1) else f"{abs(share.numerator)}\\,"
     under = "" if share.denominator == 1 else f"/{share.denominator}"
     return Math(f"{'-' if share < 0 else ''}{times}\\pi{under}")
+
+
+def _decimal(x: float) -> Run:
+    """All its digits; a very large or small one with a power of ten."""
+    mantissa, _, exponent = f"{x:.15g}".partition("e")
+    if not exponent:
+        return Text(mantissa.replace("-", "−"))
+    return Math(rf"{mantissa} \cdot 10^{{{int(exponent)}}}")
 
 
 def _bodies(doc: Manuscript) -> None:
@@ -116,14 +133,7 @@ def _bodies(doc: Manuscript) -> None:
     head = ("body", "mass / kg", "centre of mass / m", "moment of inertia / kg·m²", "meaning")
     shown = len(head) if any(x.about for x in model.bodies) else len(head) - 1
     doc.listing(head[:shown], model.bodies, lambda x: _body(doc, x)[:shown])
-    turned = any(x.at_parent.rotation != x.at_child.rotation for x in model.joints)
-    zero = "" if turned else ", and where all coordinates are zero the axes of all are parallel"
-    doc.say(f"Joints connect them, from the ground outwards{zero}:")
-    doc.listing(
-        ("joint", "type", "from → to", "at, in each body / m", "coordinates"),
-        model.joints,
-        lambda x: _joint(doc, x),
-    )
+    joints(doc)
 
 
 def _body(doc: Manuscript, x: Body) -> tuple[Runs, ...]:
@@ -148,40 +158,6 @@ def _inertia(doc: Manuscript, x: Body, about: str) -> Runs:
     return tuple(moments)
 
 
-def _joint(doc: Manuscript, x: Joint) -> tuple[Runs, ...]:
-    places = (place(doc, x.at_parent), Text("; "), place(doc, x.at_child))
-    way = Text(names.words(f"{x.parent} → {x.child}"))
-    name = Text(names.words(x.name))
-    return (name,), _type(doc, x), (way,), places, (_coordinates(doc, x),)
-
-
-def _type(doc: Manuscript, x: Joint) -> Runs:
-    """In space with the axis, in the axes of the body that moves."""
-    type_ = x.type
-    if x.orientation:
-        turns = "a quaternion" if x.orientation == "quaternion" else ", ".join(x.orientation)
-        type_ += f", turned by {turns}" if turns == "a quaternion" else f", turning about {turns}"
-    if doc.system.model.plane or not joint_type(x.type).needs_axis:
-        return (Text(type_),)
-    scalar, rotation = doc.system.symbols.scalar, x.at_child.rotation
-    axis = ca.vertcat(*(ca.SX(scalar(entry)) for entry in x.axis))
-    if rotation is not None:
-        rows = [ca.horzcat(*(ca.SX(scalar(entry)) for entry in row)) for row in rotation]
-        axis = ca.mtimes(ca.vertcat(*rows), axis)
-    entries = r",\; ".join(doc.term(axis[k], f"axis of {x.name}").latex for k in range(3))
-    return Text(f"{type_} along "), Math(f"({entries})")
-
-
-def _coordinates(doc: Manuscript, x: Joint) -> Math | Text:
-    coordinates = doc.system.model.coordinates
-    own = [
-        doc.notation.latex[symbol]
-        for symbol, coordinate in zip(doc.q, coordinates)
-        if coordinate.owner == x.name
-    ]
-    return Math(r",\; ".join(own)) if own else Text("none")
-
-
 def _energies(doc: Manuscript) -> None:
     """Where they are given as formulas."""
     model = doc.system.model
@@ -203,10 +179,14 @@ def _name(x: Any) -> Text:
 def _tied(doc: Manuscript) -> None:
     """Closures and constraints."""
     model = doc.system.model
-    ties = (*model.closures, *model.constraints)
+    closures = model.closures
+    ties = (*closures, *model.constraints)
     if ties:
         doc.say("The motion is tied by:")
         doc.listing(("name", "kind", "what it says"), ties, lambda x: _tie(doc, x))
+    turned(
+        doc, "Closures have a frame in each body. These are turned in theirs", of_pairs(closures)
+    )
 
 
 def _tie(doc: Manuscript, x: Closure | Constraint) -> tuple[Runs, ...]:
@@ -232,3 +212,6 @@ def _driven(doc: Manuscript) -> None:
     if drives:
         doc.say("Applied forces and inputs are:")
         doc.listing(("name", "what it does"), drives, driving)
+    laws(doc)
+    frames = "Frames of these are turned in their body"
+    turned(doc, frames, of_loads(model, model.loads))

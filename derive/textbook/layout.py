@@ -98,9 +98,18 @@ def rounded(x: sympy.Expr) -> sympy.Expr:
     given."""
     if isinstance(x, sympy.Rational) and len(digits(x)) <= FEW_DIGITS and not x.is_Integer:
         return sympy.Float(repr(float(x)), 15)
+    return x.xreplace({n: sympy.Float(f"{float(n):.{FEW_DIGITS}g}") for n in _long(x)})
+
+
+def is_long(x: sympy.Expr) -> bool:
+    """Whether `rounded` takes digits away."""
+    return bool(_long(x))
+
+
+def _long(x: sympy.Expr) -> list[sympy.Float]:
+    """Its numbers of many digits."""
     numbers: set[sympy.Float] = x.atoms(sympy.Float)  # pyright: ignore[reportAssignmentType]
-    long = [n for n in numbers if len(digits(n)) > MOST_DIGITS]
-    return x.xreplace({n: sympy.Float(f"{float(n):.{FEW_DIGITS}g}") for n in long})
+    return [n for n in numbers if len(digits(n)) > MOST_DIGITS]
 
 
 def mark(x: ca.SX) -> str:

@@ -26,6 +26,7 @@ from derive.textbook.layout import (
     Rows,
     ends,
     entry_index,
+    is_long,
     mark,
     more,
     much_shorter,
@@ -333,9 +334,8 @@ class Manuscript:
             return Math(r"\ldots")
         if not ca.depends_on(value, self.notation.reactions):
             self._record(about, "", (None,), [entries], value)
-        shown = rounded(entries[0])
-        self.rounded = self.rounded or shown != entries[0]
-        return Math(self.typesetter.latex(shown))
+        self.rounded = self.rounded or is_long(entries[0])
+        return Math(self.typesetter.latex(rounded(entries[0])))
 
     # terms
 

@@ -18,7 +18,7 @@ def outputs(doc: Manuscript) -> None:
         reactions = _reactions_in(doc, value)
         if reactions:
             doc.say(
-                "{name}: the multipliers $!\\lambda$ of {rows};",
+                "{name}: the multipliers $!\\lambda$ of {rows}.",
                 name=name,
                 rows=", ".join(reactions),
             )

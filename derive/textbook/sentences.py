@@ -1,4 +1,4 @@
-"""What a constraint or a load of the model says, in a sentence each.
+"""What sentences about a model share: names of bodies, points, directions, values with their unit.
 
 A kind without a sentence of its own is listed field by field.
 """
@@ -10,22 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import Any, cast
 
+import casadi as ca
 from sympy import Symbol
 
-from derive.expressions.tree import ONE, Expression, Name, walk
-from derive.model.constraint_records import Distance, Holonomic, Nonholonomic, NoSlip, Rolling
-from derive.model.load_records import (
-    Contact,
-    Exhaust,
-    Force,
-    GeneralisedForce,
-    JointDamper,
-    JointSpring,
-    PointSpring,
-    Tension,
-    Torque,
-)
-from derive.model.records import GROUND, Closure, Coordinate, Input, Placement, Velocity
+from derive.expressions.tree import ONE, ZERO, Expression
+from derive.model.algebra import dot, negated
+from derive.model.records import GROUND, Input, Placement, Vector3
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
@@ -34,19 +24,7 @@ from derive.textbook.records import Math, Run, Runs, Text
 
 AXES = "xyz"
 NAMES = ("body", "bodies", "velocity", "coordinate", "frame_body")  # fields that name something
-UNSAID = ("surface",)  # formulas that stand in the constraint rows anyway
-
-
-def constraint(doc: Manuscript, x: Any) -> Runs:
-    """What a constraint says."""
-    write = CONSTRAINTS.get(x.__class__, _listed)
-    return write(doc, x)
-
-
-def load(doc: Manuscript, x: Any) -> Runs:
-    """What a load does."""
-    write = LOADS.get(x.__class__)
-    return write(doc, x) if write else (Text(f"{kind(x)} of "), *_listed(doc, x))
+UNSAID = ("surface",)  # formulas over letters of their own
 
 
 def kind(x: object) -> str:
@@ -54,13 +32,24 @@ def kind(x: object) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(x).__name__).lower()
 
 
+def called(body: str) -> str:
+    """A body by its name."""
+    return "the ground" if body == GROUND else words(body)
+
+
 def point(doc: Manuscript, entries: Sequence[Expression], about: str) -> Math:
     """Components in the plane, or all three."""
+    return vector(doc, in_plane(doc, entries), about)
+
+
+def in_plane(doc: Manuscript, entries: Sequence[Expression]) -> list[Expression]:
+    """The components along the axes of the model."""
     axes = doc.system.model.plane or AXES
-    return _vector(doc, [entries[AXES.index(axis)] for axis in axes], about)
+    return [entries[AXES.index(axis)] for axis in axes]
 
 
-def _vector(doc: Manuscript, entries: Sequence[Expression], about: str) -> Math:
+def vector(doc: Manuscript, entries: Sequence[Expression], about: str) -> Math:
+    """(a, b, c)."""
     return Math("(" + r",\; ".join(doc.formula(x, about).latex for x in entries) + ")")
 
 
@@ -69,24 +58,65 @@ def place(doc: Manuscript, at: Placement) -> Math:
     return point(doc, at.position, "joint point")
 
 
-def closure(doc: Manuscript, x: Closure) -> Runs:
-    """What a closure says."""
-    first, second = (place(doc, at) for at in x.placements)
-    return runs(
-        "a point of {one} at {first} stays on a point of {other} at {second}",
-        one=words(x.bodies[0]),
-        first=first,
-        other=words(x.bodies[1]),
-        second=second,
-    )
+def direction(doc: Manuscript, along: Vector3, at: Placement, about: str) -> Math:
+    """An axis that is given in the frame of a joint, in the axes of the body that has the frame."""
+    if at.rotation is None:
+        return point(doc, along, about)
+    a, b, c = at.rotation
+    return point(doc, (dot(a, along), dot(b, along), dot(c, along)), about)
+
+
+def measured(doc: Manuscript, x: Expression, about: str, unit: str) -> Math:
+    """A formula, and the unit of one that is a number: symbols have theirs in their tables."""
+    formula = doc.formula(x, about)
+    return Math(formula.latex + _unit(unit)) if _is_number(doc, x) else formula
+
+
+def measured_point(doc: Manuscript, entries: Sequence[Expression], about: str, unit: str) -> Math:
+    """Components, and their unit where all are numbers."""
+    return measured_vector(doc, in_plane(doc, entries), about, unit)
+
+
+def measured_vector(doc: Manuscript, entries: Sequence[Expression], about: str, unit: str) -> Math:
+    """The same of components that are all to be shown; one alone has no brackets."""
+    if len(entries) == 1:
+        return measured(doc, entries[0], about, unit)
+    shown = vector(doc, entries, about)
+    numbers = all(_is_number(doc, x) for x in entries)
+    return Math(shown.latex + _unit(unit)) if numbers else shown
+
+
+def _is_number(doc: Manuscript, x: Expression) -> bool:
+    """Parameters may be numbers in all formulas."""
+    return ca.SX(doc.system.symbols.scalar(x)).is_constant()
+
+
+def _unit(text: str) -> str:
+    """N*m/rad → N m/rad in upright letters, with the space before it."""
+    spaced = text.replace("*", r"\,")
+    return rf"\;\mathrm{{{spaced}}}" if text else ""
+
+
+def about_normal(doc: Manuscript, entries: Vector3) -> list[Expression]:
+    """Components of a moment or turn: one in a plane, in the sense in which angles grow."""
+    plane = doc.system.model.plane
+    if not plane:
+        return list(entries)
+    k = next(k for k in range(3) if AXES[k] not in plane)
+    return [negated(entries[k]) if plane == "xz" else entries[k]]
+
+
+def is_nothing(entries: Sequence[Expression]) -> bool:
+    """Whether the file gives none of these."""
+    return all(x == ZERO for x in entries)
 
 
 def driven(doc: Manuscript, x: Input) -> Runs:
     """What an input acts along, with its gear where it has one."""
     unit = names.unit(x.unit)
-    measured = "" if unit == "–" else f" in {unit}"
+    told = "" if unit == "–" else f" in {unit}"
     where = "acts along {velocity}" if x.velocity else "occurs in the formulas"
-    text = list(runs(f"input{measured}, {where}", velocity=_velocity(doc, x.velocity)))
+    text = list(runs(f"input{told}, {where}", velocity=velocity(doc, x.velocity)))
     if x.gear != ONE:
         text += [Text(", times "), doc.formula(x.gear, x.name)]
     if x.about:
@@ -94,12 +124,13 @@ def driven(doc: Manuscript, x: Input) -> Runs:
     return tuple(text)
 
 
-def _velocity(doc: Manuscript, name: str) -> Math | str:
+def velocity(doc: Manuscript, name: str) -> Math | str:
     """A generalized velocity by its symbol."""
     return _symbol(doc, name, doc.v, doc.system.model.velocity_index)
 
 
-def _coordinate(doc: Manuscript, name: str) -> Math | str:
+def coordinate(doc: Manuscript, name: str) -> Math | str:
+    """A coordinate by its symbol."""
     return _symbol(doc, name, doc.q, doc.system.model.coordinate_index)
 
 
@@ -113,166 +144,18 @@ def _symbol(
         return name
 
 
-def _no_slip(doc: Manuscript, x: NoSlip) -> Runs:
-    return runs(
-        "the point of {body} at {point} has no velocity along its direction {direction}",
-        body=words(x.body),
-        point=point(doc, x.point, x.name),
-        direction=point(doc, x.direction, x.name),
-    )
-
-
-def _rolling(doc: Manuscript, x: Rolling) -> Runs:
-    radius, normal = _measured(doc, x.radius, x.name, "m"), point(doc, x.normal, x.name)
-    axis = point(doc, x.axis, x.name)
-    about = "" if x.shape == "sphere" else " about its axis {axis}"
-    of = "" if x.carrier == GROUND else f"of {words(x.carrier)} "
-    ground = (
-        f"the plane {of}normal to {{normal}}" if x.surface is None else f"a surface {of}".strip()
-    )
-    return runs(
-        "{body}, a {shape} of radius {radius}" + about + f", rolls without slip on {ground}",
-        body=words(x.body),
-        shape=x.shape,
-        radius=radius,
-        axis=axis,
-        normal=normal,
-    )
-
-
-def _formula(doc: Manuscript, x: Holonomic | Nonholonomic) -> Runs:
-    left = doc.formula(x.expression, x.name)
-    if x.nonideal:
-        return left, Math("=0"), Text("; the constraint does work of its own")
-    return left, Math("=0")
-
-
-def _distance(doc: Manuscript, x: Distance) -> Runs:
-    first, second = (point(doc, entries, x.name) for entries in x.points)
-    return runs(
-        "the points of {one} at {first} and of {other} at {second} stay apart by {length}",
-        one=words(x.bodies[0]),
-        first=first,
-        other=words(x.bodies[1]),
-        second=second,
-        length=_measured(doc, x.length, x.name, "m"),
-    )
-
-
-def _measured(doc: Manuscript, x: Expression, about: str, unit: str) -> Math:
-    """A formula, and the unit (LaTeX, upright) of one that is a number."""
-    formula = doc.formula(x, about)
-    if not unit or any(isinstance(part, Name) for part in walk(x)):
-        return formula
-    return Math(rf"{formula.latex}\;\mathrm{{{unit}}}")
-
-
-def _joint_spring(doc: Manuscript, x: JointSpring) -> Runs:
-    turns = _turns(doc.system.model.coordinates, x.coordinate, "rad")
-    return runs(
-        "spring on {coordinate}: stiffness {stiffness}, at rest at {rest}",
-        coordinate=_coordinate(doc, x.coordinate),
-        stiffness=_measured(doc, x.stiffness, x.name, r"N\,m/rad" if turns else "N/m"),
-        rest=_measured(doc, x.rest, x.name, "rad" if turns else "m"),
-    )
-
-
-def _turns(declared: Sequence[Coordinate] | Sequence[Velocity], name: str, unit: str) -> bool:
-    """Whether it is an angle, or an angular velocity."""
-    return any(x.name == name and x.unit == unit for x in declared)
-
-
-def _joint_damper(doc: Manuscript, x: JointDamper) -> Runs:
-    turns = _turns(doc.system.model.velocities, x.velocity, "rad/s")
-    unit = r"N\,m\,s/rad" if turns else r"N\,s/m"
-    return runs(
-        "damper on {velocity}: coefficient {coefficient}",
-        velocity=_velocity(doc, x.velocity),
-        coefficient=_measured(doc, x.coefficient, x.name, unit),
-    )
-
-
-def _point_spring(doc: Manuscript, x: PointSpring) -> Runs:
-    return runs(
-        "spring between {one} and {other}: stiffness {stiffness}, length {length}, damping "
-        "{damping}",
-        one=words(x.bodies[0]),
-        other=words(x.bodies[1]),
-        stiffness=_measured(doc, x.stiffness, x.name, "N/m"),
-        length=_measured(doc, x.length, x.name, "m"),
-        damping=_measured(doc, x.damping, x.name, r"N\,s/m"),
-    )
-
-
-def _tension(doc: Manuscript, x: Tension) -> Runs:
-    return runs(
-        "pull along the path {path}: {tension} N",
-        path=words(x.path.name),
-        tension=doc.formula(x.tension, x.name),
-    )
-
-
-def _contact(doc: Manuscript, x: Contact) -> Runs:
-    return runs(
-        "contact of {body}, a {shape}, with {what} of {carrier}: stiffness {stiffness}, damping "
-        "{damping}, friction {friction}, smoothed below {smoothing} m/s",
-        body=words(x.body),
-        shape=x.shape,
-        what="a plane" if x.surface is None else "a surface",
-        carrier=words(x.carrier),
-        stiffness=_measured(doc, x.stiffness, x.name, "N/m"),
-        damping=_measured(doc, x.damping, x.name, "s/m"),
-        friction=doc.formula(x.friction, x.name),
-        smoothing=doc.formula(x.smoothing, x.name),
-    )
-
-
-def _force(doc: Manuscript, x: Force) -> Runs:
-    return runs(
-        "force on {body} at {point}: {force} N in {axes}",
-        body=words(x.body),
-        point=point(doc, x.point, x.name),
-        force=point(doc, x.components, x.name),
-        axes=_axes(x),
-    )
-
-
-def _torque(doc: Manuscript, x: Torque) -> Runs:
-    return runs(
-        "torque on {body}: {torque} N·m in {axes}",
-        body=words(x.body),
-        torque=_vector(doc, x.components, x.name),
-        axes=_axes(x),
-    )
-
-
-def _exhaust(doc: Manuscript, x: Exhaust) -> Runs:
-    return runs(
-        "matter leaves {body} at {point} with {velocity} m/s relative to it, in its own axes",
-        body=words(x.body),
-        point=point(doc, x.point, x.name),
-        velocity=point(doc, x.velocity, x.name),
-    )
-
-
-def _axes(x: Force | Torque) -> str:
-    return "its own axes" if x.frame == "body" else "ground axes"
-
-
-def _generalised(doc: Manuscript, x: GeneralisedForce) -> Runs:
-    force = doc.formula(x.expression, x.name)
-    velocity = _velocity(doc, x.velocity)
-    return runs("generalised force along {velocity}: {force}", velocity=velocity, force=force)
-
-
-def _listed(doc: Manuscript, x: Any) -> Runs:
-    """Any other declaration: what it names, then every formula in it that is a quantity."""
-    parts = [_field(doc, field.name, getattr(x, field.name)) for field in fields(x)]
+def joined(parts: Sequence[Runs], between: str = "; ") -> Runs:
+    """Parts of a sentence, those that are there."""
     text: list[Run] = []
     for part in filter(None, parts):
-        text += [Text("; ")] if text else []
+        text += [Text(between)] if text else []
         text += part
     return tuple(text)
+
+
+def listed(doc: Manuscript, x: Any) -> Runs:
+    """Any other declaration: what it names, then every formula in it that is a quantity."""
+    return joined([_field(doc, field.name, getattr(x, field.name)) for field in fields(x)])
 
 
 def _field(doc: Manuscript, name: str, value: Any) -> Runs:
@@ -285,7 +168,7 @@ def _field(doc: Manuscript, name: str, value: Any) -> Runs:
     if isinstance(value, Expression):
         return Text(f"{label} "), doc.formula(value, label)
     if _is_vector(value):
-        return Text(f"{label} "), _vector(doc, value, label)
+        return Text(f"{label} "), vector(doc, value, label)
     return ()
 
 
@@ -294,23 +177,3 @@ def _is_vector(value: object) -> bool:
         return False
     entries = cast(tuple[object, ...], value)
     return len(entries) == 3 and all(isinstance(x, Expression) for x in entries)
-
-
-CONSTRAINTS: dict[type[Any], Callable[[Manuscript, Any], Runs]] = {
-    NoSlip: _no_slip,
-    Rolling: _rolling,
-    Holonomic: _formula,
-    Nonholonomic: _formula,
-    Distance: _distance,
-}
-LOADS: dict[type[Any], Callable[[Manuscript, Any], Runs]] = {
-    JointSpring: _joint_spring,
-    JointDamper: _joint_damper,
-    PointSpring: _point_spring,
-    Tension: _tension,
-    Contact: _contact,
-    Force: _force,
-    Torque: _torque,
-    Exhaust: _exhaust,
-    GeneralisedForce: _generalised,
-}

@@ -344,7 +344,7 @@ def test_joints_in_space_have_axes_and_bodies_their_meaning():
     )
     page = html(equations(system(load_text(text))))
     words = words_of(page)
-    assert "revolute along x" in words and "it swings" in words and "axes of all are" in words
+    assert "revolute about x" in words and "it swings" in words and "axes of all are" in words
     assert "big arm" in words and "low hinge" in words and "big_arm" not in words
     assert "There are no applied forces: x ." in words.replace("x.", "x .")
     assert mathml(r"(0,\; \cos a,\; \sin a)") in page

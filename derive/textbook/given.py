@@ -19,7 +19,7 @@ from derive.textbook.given_joints import joints
 from derive.textbook.given_loads import laws, load
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.records import Math, Run, Runs, Text
-from derive.textbook.sentences import driven, kind, point
+from derive.textbook.sentences import driven, kind, point, whose
 
 AXIS_OF = {"xy": 2, "xz": 1, "yz": 0}  # plane → the place of its normal
 PRINCIPAL = 3  # moments of inertia that are always shown
@@ -182,10 +182,10 @@ def _tied(doc: Manuscript) -> None:
     closures = model.closures
     ties = (*closures, *model.constraints)
     if ties:
-        doc.say("The motion is tied by:")
+        doc.say(f"The motion is tied by the following{whose(ties, 'axes and normals ')}:")
         doc.listing(("name", "kind", "what it says"), ties, lambda x: _tie(doc, x))
     turned(
-        doc, "Closures have a frame in each body. These are turned in theirs", of_pairs(closures)
+        doc, "Closures have a frame in each body. These are turned in theirs:", of_pairs(closures)
     )
 
 
@@ -210,8 +210,8 @@ def _driven(doc: Manuscript) -> None:
 
     drives = (*model.loads, *inputs)
     if drives:
-        doc.say("Applied forces and inputs are:")
+        doc.say(f"Applied forces and inputs are the following{whose(drives, '')}:")
         doc.listing(("name", "what it does"), drives, driving)
     laws(doc)
-    frames = "Frames of these are turned in their body"
+    frames = "Frames of these are turned in their body:"
     turned(doc, frames, of_loads(model, model.loads))

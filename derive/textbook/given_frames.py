@@ -15,8 +15,8 @@ from derive.model.records import Closure, Joint, Load, Model, Placement
 from derive.textbook.layout import FEW_DIGITS
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
-from derive.textbook.records import Math, Runs, Text
-from derive.textbook.sentences import AXES, called
+from derive.textbook.records import Runs, Text
+from derive.textbook.sentences import AXES, called, joined
 
 EXACT = 1e-9  # degrees by which an angle of a matrix of numbers may be off
 
@@ -63,13 +63,9 @@ def _turned(frames: Iterable[Turned]) -> list[Turned]:
 
 def turned(doc: Manuscript, what: str, frames: Sequence[Turned]) -> None:
     """A table, where there is any."""
-    if not frames:
-        return
-    plane = doc.system.model.plane
-    simple = all(_about_an_axis(x.at, plane) for x in frames)
-    matrices = "" if simple else " (columns of a matrix are the axes of the frame)"
-    doc.say(f"{what}{matrices}:")
-    doc.listing(("of", "in", "turned by"), frames, lambda x: _row(doc, x))
+    if frames:
+        doc.say(what)
+        doc.listing(("of", "in", "turned"), frames, lambda x: _row(doc, x))
 
 
 def _row(doc: Manuscript, x: Turned) -> tuple[Runs, ...]:
@@ -77,14 +73,22 @@ def _row(doc: Manuscript, x: Turned) -> tuple[Runs, ...]:
 
 
 def _turn(doc: Manuscript, x: Turned) -> Runs:
-    """An angle where the axis is one of the body's, else the matrix."""
+    """By an angle where the axis is one of the body's, else axis by axis."""
     plane = doc.system.model.plane
     turn = _about_an_axis(x.at, plane)
     if turn is None:
-        return (_matrix(doc, x),)
+        return joined([_axis(doc, x, j) for j in IN_PLANE[plane]], ", ")
     angle, axis = turn
     written = _degrees(doc, angle) if isinstance(angle, float) else doc.formula(angle, x.name)
-    return (written,) if plane else (written, Text(f" about {axis}"))
+    return Text("by "), written, Text("" if plane else f" about {axis}")
+
+
+def _axis(doc: Manuscript, x: Turned, j: int) -> Runs:
+    """Where an axis of the frame points in the body; a line may end between the entries."""
+    R, rows = x.at.rotation, IN_PLANE[doc.system.model.plane]
+    assert R is not None
+    entries: list[Runs] = [(doc.formula(R[i][j], x.name),) for i in rows]
+    return Text(f"{AXES[j]} along ("), *joined(entries, ", "), Text(")")
 
 
 def _about_an_axis(at: Placement, plane: str) -> tuple[Expression | float, str] | None:
@@ -118,12 +122,3 @@ def _degrees(doc: Manuscript, angle: float) -> Text:
     few = f"{angle:.{FEW_DIGITS}g}"
     doc.rounded = doc.rounded or abs(float(few) - angle) > EXACT
     return Text(f"{few}°".replace("-", "−"))
-
-
-def _matrix(doc: Manuscript, x: Turned) -> Math:
-    """The axes of the frame, in those of the body, as columns."""
-    R, axes = x.at.rotation, IN_PLANE[doc.system.model.plane]
-    assert R is not None
-    rows = [[doc.formula(R[i][j], x.name).latex for j in axes] for i in axes]
-    body = r" \\ ".join(" & ".join(row) for row in rows)
-    return Math(rf"\begin{{bmatrix}} {body} \end{{bmatrix}}")

@@ -10,7 +10,7 @@ from derive.textbook.given_frames import of_joints, turned
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.prose import runs
 from derive.textbook.records import Math, Runs, Text
-from derive.textbook.sentences import called, direction, measured, place
+from derive.textbook.sentences import called, direction, joined, measured, place
 
 # in space; an axis is that of the body that the joint carries, unless it says whose it is
 TYPES = {
@@ -38,7 +38,7 @@ def joints(doc: Manuscript) -> None:
     turned(
         doc,
         "Every joint has a frame in each of its bodies, and where its coordinates are zero the two "
-        "agree. These frames are turned in their body",
+        "agree. These frames are turned in their body:",
         of_joints(model.joints),
     )
 
@@ -47,7 +47,7 @@ def _joint(doc: Manuscript, x: Joint) -> tuple[Runs, ...]:
     places = (place(doc, x.at_parent), Text("; "), place(doc, x.at_child))
     way = Text(names.words(f"{x.parent} → {x.child}"))
     name = Text(names.words(x.name))
-    return (name,), _type(doc, x), (way,), places, (_coordinates(doc, x),)
+    return (name,), _type(doc, x), (way,), places, _coordinates(doc, x)
 
 
 def _template(doc: Manuscript, x: Joint) -> str:
@@ -80,11 +80,11 @@ WORDS: dict[str, Callable[[Manuscript, Joint], str | Math]] = {
 }
 
 
-def _coordinates(doc: Manuscript, x: Joint) -> Math | Text:
-    coordinates = doc.system.model.coordinates
-    own = [
-        doc.notation.latex[symbol]
-        for symbol, coordinate in zip(doc.q, coordinates)
+def _coordinates(doc: Manuscript, x: Joint) -> Runs:
+    """Those of the joint; a line may end between them."""
+    own: list[Runs] = [
+        (Math(doc.notation.latex[symbol]),)
+        for symbol, coordinate in zip(doc.q, doc.system.model.coordinates)
         if coordinate.owner == x.name
     ]
-    return Math(r",\; ".join(own)) if own else Text("none")
+    return joined(own, ", ") if own else (Text("none"),)

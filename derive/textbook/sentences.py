@@ -6,7 +6,7 @@ A kind without a sentence of its own is listed field by field.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from typing import Any, cast
 
@@ -24,12 +24,20 @@ from derive.textbook.records import Math, Run, Runs, Text
 
 AXES = "xyz"
 NAMES = ("body", "bodies", "velocity", "coordinate", "frame_body")  # fields that name something
+# fields of what has points; a moment is that of a wrench, whose frame has one
+PLACES = ("point", "points", "placements", "centre", "path", "moment")
 UNSAID = ("surface",)  # formulas over letters of their own
 
 
 def kind(x: object) -> str:
     """NoSlip → no slip."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(x).__name__).lower()
+
+
+def whose(declared: Iterable[Any], what: str) -> str:
+    """In which axes points, and what else, of these are given; nothing where they have none."""
+    placed = any(field.name in PLACES for x in declared for field in fields(x))
+    return f"; points, in m, {what}are given in the axes of their body" if placed else ""
 
 
 def called(body: str) -> str:

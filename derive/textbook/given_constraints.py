@@ -18,7 +18,15 @@ from derive.textbook.given_surfaces import shape, surface, touched
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.prose import runs
 from derive.textbook.records import Math, Runs, Text
-from derive.textbook.sentences import called, coordinate, joined, listed, measured, point
+from derive.textbook.sentences import (
+    UNREADABLE,
+    called,
+    coordinate,
+    joined,
+    listed,
+    measured,
+    point,
+)
 
 
 def constraint(doc: Manuscript, x: Any) -> Runs:
@@ -61,16 +69,21 @@ def _formula(doc: Manuscript, x: Holonomic | Nonholonomic) -> Runs:
 
 def _own_forces(doc: Manuscript, x: Holonomic | Nonholonomic) -> Runs:
     """Of a constraint that is not ideal: a generalised force for each coordinate."""
-    coordinates = doc.system.model.coordinates
+    own = [
+        (doc.formula(force, x.name), along.name)
+        for force, along in zip(x.nonideal, doc.system.model.coordinates)
+        if force != ZERO
+    ]
+    if UNREADABLE in [force for force, _ in own]:
+        return (Text("its forces are too long to be read here"),)
     return joined(
         [
             runs(
                 "the generalised force {force} along {coordinate}",
-                force=doc.formula(force, x.name),
-                coordinate=coordinate(doc, own.name),
+                force=force,
+                coordinate=coordinate(doc, name),
             )
-            for force, own in zip(x.nonideal, coordinates)
-            if force != ZERO
+            for force, name in own
         ],
         ", ",
     )

@@ -7,10 +7,10 @@ import casadi as ca
 from derive.model.records import Event
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
-from derive.textbook.records import Math, Run, Runs, Text
+from derive.textbook.records import Run, Runs, Text
+from derive.textbook.sentences import UNREADABLE
 
 WAYS = {1: "rises through zero", -1: "falls through zero", 0: "changes its sign"}
-UNREADABLE = Math(r"\ldots")
 
 
 def events(doc: Manuscript) -> None:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import casadi as ca
+
 from derive.expressions.tree import ONE, Call, Expression, Number
 from derive.mechanics.scene import IN_PLANE
 from derive.model.algebra import Rows, negated
@@ -15,7 +17,7 @@ from derive.model.records import Closure, Joint, Load, Model, Placement
 from derive.textbook.layout import FEW_DIGITS
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
-from derive.textbook.records import Runs, Text
+from derive.textbook.records import Run, Runs, Text
 from derive.textbook.sentences import AXES, called, joined
 
 EXACT = 1e-9  # degrees by which an angle of a matrix of numbers may be off
@@ -79,7 +81,7 @@ def _turn(doc: Manuscript, x: Turned) -> Runs:
     if turn is None:
         return joined([_axis(doc, x, j) for j in IN_PLANE[plane]], ", ")
     angle, axis = turn
-    written = _degrees(doc, angle) if isinstance(angle, float) else doc.formula(angle, x.name)
+    written = _formula(doc, x, angle) if isinstance(angle, Expression) else _degrees(doc, angle)
     return Text("by "), written, Text("" if plane else f" about {axis}")
 
 
@@ -115,6 +117,14 @@ def _angle(R: Rows, i: int, j: int) -> Expression | float | None:
     if s in (sine, negated(sine)):
         return angle if s == sine else negated(angle)
     return None
+
+
+def _formula(doc: Manuscript, x: Turned, angle: Expression) -> Run:
+    """Of parameters; degrees where these are numbers in all formulas."""
+    value = ca.SX(doc.system.symbols.scalar(angle))
+    if value.is_constant():
+        return _degrees(doc, math.degrees(float(value)))
+    return doc.formula(angle, x.name)
 
 
 def _degrees(doc: Manuscript, angle: float) -> Text:

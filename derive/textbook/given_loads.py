@@ -59,8 +59,11 @@ FRICTION = (
 )
 TYRE = (
     r"Of a tyre, $s=(r\,\omega-v)/\sqrt{v^2+\varepsilon^2}$ is the slip of the rim against the "
-    r"speed of travel $v$, and $\alpha$ the angle with the tangent $u/\sqrt{v^2+\varepsilon^2}$, "
-    r"where $u$ is the speed across the wheel; forces act against the slip."
+    r"speed of travel $v$; the force acts against it."
+)
+ACROSS = (
+    r"The slip angle $\alpha$ has the tangent $u/\sqrt{v^2+\varepsilon^2}$, with the speed $u$ "
+    r"across the wheel. The force acts against it."
 )
 
 
@@ -78,6 +81,7 @@ def laws(doc: Manuscript) -> None:
         (HEIGHT, any(x.surface is not None for x in found)),
         (FRICTION, any(x.friction != ZERO for x in found)),
         (TYRE, any(x.tyre for x in found)),
+        (ACROSS, any(x.tyre for x in found) and not doc.system.model.plane),
     )
     if found:
         doc.say(" ".join(sentence for sentence, there in told if there))

@@ -23,6 +23,7 @@ from derive.textbook.prose import runs
 from derive.textbook.records import Math, Run, Runs, Text
 
 AXES = "xyz"
+UNREADABLE = Math(r"\ldots")  # of a formula that is too long
 NAMES = ("body", "bodies", "velocity", "coordinate", "frame_body")  # fields that name something
 # fields of what has points; a moment is that of a wrench, whose frame has one
 PLACES = ("point", "points", "placements", "centre", "path", "moment")

@@ -26,6 +26,7 @@ from derive.textbook.records import Math, Paragraph, Runs, Table
 from derive.textbook.write_html import page
 from derive.textbook.write_latex import article
 from tests.derive.textbook.test_textbook import check_article, check_page
+from tests.scenes import MODELS
 
 TWO = """
 model: two
@@ -160,6 +161,8 @@ def test_slides_and_turned_frames_of_planar_models_are_told() -> None:
     assert "axes of all are parallel" not in text
     text = told(FLAT.replace("axis: x,", "axis: x, angle: al,"))
     assert r"rail | the ground | by \alpha" in text
+    text = told(FLAT.replace("axis: x,", "axis: x, angle: be,") + "where: {be: 60 deg}\n")
+    assert "rail | the ground | by 60°" in text
     text = told(FLAT)
     assert "axes of all are parallel" in text and "turned" not in text
 
@@ -215,6 +218,8 @@ def test_forces_of_constraints_that_are_not_ideal_are_told() -> None:
     law = "{holonomic: s - x, nonideal: {s: (-0.1)*reaction.law, x: 2 N}}"
     text = told(f"{FLAT}constraints: {{law: {law}}}\n")
     assert r"-0.1 \lambda_{law} along s, the generalised force 2 along x" in text
+    text = told((MODELS / "bead_on_wire.yaml").read_text("utf-8"))
+    assert "work of its own: its forces are too long to be read here" in text
 
 
 def loaded(load: str, base: str = TWO) -> str:
@@ -296,7 +301,9 @@ def test_contacts_tell_what_touches_what_and_by_which_law() -> None:
     text = loaded(road)
     assert "thin disk of one about (0, 0, 0), of radius 0.3 m and with the axis (0, 1, 0)" in text
     assert r"force per pressure 10 s along the wheel, 2 \sin\left(1.9 \arctan" in text
-    assert "Of a tyre" in text and "Friction" not in text
+    assert "Of a tyre" in text and "The slip angle" in text and "Friction" not in text
+    flat = road.replace(", axis: y", "").replace("body: one", "body: two")
+    assert "Of a tyre" in (text := loaded(flat, FLAT)) and "The slip angle" not in text
     bowl = (
         "type: contact, body: one, at: [0, b, 0], surface: z - (0.1 1/m)*(x^2 + y^2), of: two,"
         " stiffness: 1e4 N/m, damping: 0.2 s/m, friction: 0.5, smoothing: 1 cm/s"

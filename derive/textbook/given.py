@@ -182,7 +182,7 @@ def _tied(doc: Manuscript) -> None:
     closures = model.closures
     ties = (*closures, *model.constraints)
     if ties:
-        doc.say(f"The motion is tied by the following{whose(ties, 'axes and normals ')}:")
+        doc.say(f"The motion is tied by the following{whose(ties, ', axes and normals')}:")
         doc.listing(("name", "kind", "what it says"), ties, lambda x: _tie(doc, x))
     turned(
         doc, "Closures have a frame in each body. These are turned in theirs:", of_pairs(closures)

@@ -38,7 +38,7 @@ def kind(x: object) -> str:
 def whose(declared: Iterable[Any], what: str) -> str:
     """In which axes points, and what else, of these are given; nothing where they have none."""
     placed = any(field.name in PLACES for x in declared for field in fields(x))
-    return f"; points, in m, {what}are given in the axes of their body" if placed else ""
+    return f"; points (in m){what} are given in the axes of their body" if placed else ""
 
 
 def called(body: str) -> str:

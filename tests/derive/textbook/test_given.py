@@ -278,11 +278,11 @@ def test_loads_have_places_and_units(load: str, sentence: str) -> None:
 
 
 def test_whose_axes_points_are_given_in_is_told_where_there_are_points() -> None:
-    near = "the following; points, in m, are given in the axes of their body:"
+    near = "the following; points (in m) are given in the axes of their body:"
     assert near not in loaded("type: torque, body: two, components: 2 N*m", FLAT)
     assert near in loaded("type: force, body: two, at: [b, 0], components: [1 N, 0]", FLAT)
     assert near in loaded("type: wrench, frame: two, force: [1 N, 0]", FLAT)
-    assert "points, in m, axes and normals are given in the axes of their body" in closed("planar")
+    assert "points (in m), axes and normals are given in the axes of their body" in closed("planar")
 
 
 def test_the_turned_frame_of_a_wrench_is_told() -> None:

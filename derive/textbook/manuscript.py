@@ -39,7 +39,7 @@ from derive.textbook.layout import (
 )
 from derive.textbook.measure import parts
 from derive.textbook.notation import Extra, Notation
-from derive.textbook.prose import runs
+from derive.textbook.prose import left_alone, runs
 from derive.textbook.records import (
     Block,
     Display,
@@ -205,10 +205,18 @@ class Manuscript:
 
     def too_long(self, latex: str) -> None:
         """Says that a term is left out of the page and where it is to be had."""
+        self._show_nothing()
         self.say(
             "The entries of {term} are too long to be read here; the generated code has them.",
             term=Math(latex),
         )
+
+    def _show_nothing(self) -> None:
+        """What was said last does not lead to anything."""
+        last = self._blocks[-1] if self._blocks else None
+        if isinstance(last, Paragraph):
+            said = left_alone(last.runs)
+            self._blocks[-1:] = [Paragraph(said)] if said else []
 
     # displays
 
@@ -399,6 +407,8 @@ class Manuscript:
         if shown:
             column = ca.densify(value)[shown]
             self.lines(name, [symbols[i] for i in shown], [entries[i] for i in shown], column)
+        else:
+            self._show_nothing()
         if 0 < len(shown) < len(entries) and self.first("zeros"):
             self.say("Entries that are not listed are zero, here and below.")
         return True

@@ -21,3 +21,15 @@ def _filled(template: str, given: dict[str, str | Math | Ref]) -> list[Run]:
         value = given[part] if i % 2 else part
         runs.append(Text(value) if isinstance(value, str) else value)
     return runs
+
+
+def left_alone(said: Runs) -> Runs:
+    """What was said before nothing is displayed: `…, with:` ends there, of a sentence `… are:`
+    nothing is left."""
+    last = said[-1] if said else None
+    if not isinstance(last, Text) or not last.text.endswith(":"):
+        return said
+    if last.text.endswith((" is:", " are:")):
+        alone = not any(isinstance(part, Text) and ". " in part.text for part in said)
+        return () if alone else said
+    return (*said[:-1], Text(f"{last.text.removesuffix(':').removesuffix(', with')}."))

@@ -207,7 +207,10 @@ def accelerations(doc: Manuscript) -> None:
     if sigma.is_zero():
         doc.entries["sigma"] = [[sympy.Integer(0)]] * len(doc.v)
         if not themselves(doc):
-            doc.say("$!S$ is constant, so the accelerations are $!!v=!S\\,!!w$.")
+            doc.say(
+                "$!S$ is constant, so the accelerations are $!!v=!S\\,!!w+!\\sigma$ with "
+                "$!\\sigma=!0$."
+            )
         return
     zeta = -_along(doc, ca.mtimes(doc.terms.named("B"), doc.system.v))
     turning = not (ca.simplify(zeta).is_zero() or _unit_vector(doc))

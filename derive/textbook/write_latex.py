@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.resources import files
 
 from jinja2 import Environment, StrictUndefined
@@ -141,6 +141,8 @@ def article(document: Document, figure: str = "") -> str:
         escape=escape,
         runs=_runs,
         rows=_rows,
+        stated=_stated,
+        explaining=_explaining,
         columns=_columns,
         pattern=_pattern,
         folded=_folded,
@@ -191,16 +193,26 @@ def _breakable(latex: str) -> str:
     return _COMMA.sub(r"\g<0>\\allowbreak ", latex)
 
 
-def _rows(display: Display) -> str:
+def _rows(lines: Sequence[Line]) -> str:
     """Lines of an align environment; one number for all of them."""
     rows: list[str] = []
     explained = False
-    for line in display.lines:
+    for line in lines:
         first, *rest = _pieces(line)
         starts = line.where and not explained and bool(rows)
         explained = explained or line.where
         rows += [r"\intertext{where}" + "\n" + first if starts else first, *rest]
     return " \\nonumber \\\\\n".join(rows)
+
+
+def _stated(display: Display) -> list[Line]:
+    """What stands in a box."""
+    return [line for line in display.lines if not line.where]
+
+
+def _explaining(display: Display) -> list[Line]:
+    """What stands below a box: empheq bears no intertext."""
+    return [line for line in display.lines if line.where]
 
 
 def _pattern(pattern: Pattern) -> str:

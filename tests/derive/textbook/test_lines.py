@@ -143,3 +143,19 @@ def test_a_printed_page_has_margins_and_letters_of_its_own() -> None:
     page = html(equations(system(load(MODELS / "pendulum.yaml"))))
     printed = page[page.index("@media print") :]
     assert "@page { size: A4" in printed and "font-size: 9.5pt" in printed
+
+
+DECIMALS = """
+model: decimals
+plane: xy
+bodies: {b: {mass: 7 kg}}
+joints: {B: {type: prismatic, parent: ground, child: b, axis: x, coordinate: q}}
+loads: {k: {type: spring, joint: B, stiffness: 3.3333333333 N/m}}
+"""
+
+
+def test_a_box_has_its_explanations_below_it() -> None:
+    text = article(derivation(equations(system(load_text(DECIMALS)))))
+    boxes = re.findall(r"\\begin\{empheq\}.*?\\end\{empheq\}(.{21})", text, re.DOTALL)
+    assert "\nwhere\n\\begin{align*}" in boxes
+    assert not re.search(r"\\begin\{empheq\}(?:(?!\\end\{empheq\}).)*intertext", text, re.DOTALL)

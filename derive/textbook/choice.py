@@ -196,6 +196,7 @@ def watch(doc: Manuscript, guards: Sequence[Guard], latex: Callable[[int], str])
 
 def _watched(doc: Manuscript, guard: Guard, latex: str) -> None:
     symbol = doc.notation.fresh(f"{latex}[]", latex)
+    latex = doc.notation.latex[symbol]
     entries = doc.read(ca.SX(guard.value))
     if entries is None:
         doc.too_long(latex)

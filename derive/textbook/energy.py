@@ -102,7 +102,7 @@ def power(doc: Manuscript) -> None:
 
 def _law_of_power(doc: Manuscript, still: bool) -> None:
     system = doc.system
-    balanced = r"\left(T+V\right)" if system.homogeneous else "H"
+    balanced = r"\left(T+V\right)" if system.homogeneous else doc.called("H", "H")
     left = r"\frac{\mathrm{d}}{\mathrm{d}t}" + balanced
     right = "P" if still else r"P + !\lambda^T!c"
     if doc.terms.function("power") is None:

@@ -380,13 +380,17 @@ class Manuscript:
             value = self.reader.terms([x.node for x in pieces])
             self._pending += self._lines("abbreviations", symbols, expressions, value, True)
 
+    def called(self, name: str, latex: str) -> str:
+        """LaTeX of a term of the page."""
+        return self.notation.latex[self.notation.fresh(name, latex)]
+
     def scalar(self, name: str, latex: str, value: ca.SX, about: str, unit: str = "") -> None:
         """symbol = expression."""
         entries = self.read(ca.SX(value))
         symbol = self.notation.fresh(name, latex)
         self.mean(self.notation.latex[symbol], about, unit)
         if entries is None:
-            self.too_long(latex)
+            self.too_long(self.notation.latex[symbol])
         else:
             self.lines(name, [symbol], entries, ca.SX(value))
 

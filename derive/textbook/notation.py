@@ -11,9 +11,9 @@ import sympy
 
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
-from derive.model.records import Velocity
 from derive.textbook import names
 from derive.textbook.convert import Gravity, Reader
+from derive.textbook.labels import labels, unlike, untaken
 from derive.textbook.terms import Terms
 
 REACTION = "reaction."  # before the name of a row
@@ -38,20 +38,21 @@ class Notation:
     def __init__(self, terms: Terms, extra: Sequence[Extra] = ()) -> None:
         self.terms, self.extra = terms, extra
         self.latex: dict[sympy.Expr, str] = {}
-        self._taken: set[str] = set()  # in LaTeX
         model = terms.system.model
+        self._labels = labels(model)
+        self._taken = {"t", *self._labels.values()}  # in LaTeX
         self._given = dict(model.symbols)
         self.p = [self._declared(name) for name in self._free_parameters()]
         self.z = self.p[len(self.p) - len(model.states) :]
         self.q = [self._declared(c.name) for c in model.coordinates]
-        self.v = [self._symbol(x.name, self._velocity(x)) for x in model.velocities]
+        self.v = [self._declared(x.name) for x in model.velocities]
         self.w = self._quasi_velocities()
         self.u = [self._declared(x.name) for x in model.inputs]
-        self.t = self._symbol("t", "t")
+        self.t = self._new("t", "t")
         self.g = self._gravity()
         self.reactions, self.multipliers = self._reactions()
         for x in extra:
-            self._call(x.symbol, self._untaken(x.latex))
+            self._call(x.symbol, x.latex)
 
     def _reactions(self) -> tuple[ca.SX, list[sympy.Symbol]]:
         """Multipliers of the ideal problem, which loads may use: λ with the name of the row."""
@@ -65,11 +66,19 @@ class Notation:
     def _gravity(self) -> Gravity | None:
         """The letter g for the file's number, unless the file has a g of its own."""
         value = magnitude(self.terms.system)
-        if not value or "g" in self._taken or len(repr(value)) < LEAST_DIGITS:
-            return None
         model = self.terms.system.model
+        if not value or self._is_another("g", value) or len(repr(value)) < LEAST_DIGITS:
+            return None
         others = frozenset(abs(x.value) for x in model.parameters)
+        self._taken.discard("g")
         return Gravity(self.fresh("g", "g"), value, others)
+
+    def _is_another(self, latex: str, value: float) -> bool:
+        """Whether something else is called so; a parameter that is fixed at the value is none."""
+        same = {x.name for x in self.terms.system.model.parameters if x.value == value}
+        fixed = same.intersection(self.terms.system.constants)
+        others = {self._labels[name] for name in self._labels.keys() - fixed}
+        return latex in others or latex in self.latex.values()
 
     def _free_parameters(self) -> list[str]:
         """And, behind them, the first-order states."""
@@ -88,45 +97,37 @@ class Notation:
             velocity = self.terms.system.model.velocities[j]
             if name in (f"{velocity.rate_of}_dot", velocity.name.replace(".", "_")):
                 return self.v[j]
-        return self._declared(name)
+        return self._symbol(name, names.symbol(name, self._given))
 
     def _declared(self, name: str) -> sympy.Symbol:
-        """A name of the model, set as its spelling suggests."""
-        return self._symbol(name, self.typeset(name))
+        """A name of the model, called as its page and its figure call it."""
+        return self._new(name, self._labels[name])
 
     def typeset(self, name: str) -> str:
-        """A name of the model as LaTeX: as the file says, else as its spelling suggests."""
-        return names.symbol(name, self._given)
-
-    def _velocity(self, x: Velocity) -> str:
-        if x.rate_of in self._given:
-            return names.dotted(self._given[x.rate_of])
-        return names.velocity(x.name, x.rate_of)
+        """A name of the model as LaTeX: no other looks so; else as its spelling suggests."""
+        return self._labels.get(name) or names.symbol(name, self._given)
 
     def _symbol(self, name: str, latex: str) -> sympy.Symbol:
         """A new symbol; one whose LaTeX is taken already is printed upright, as it is spelled."""
+        return self._new(name, unlike(name, latex, self._taken))
+
+    def _new(self, name: str, latex: str) -> sympy.Symbol:
         symbol = sympy.Symbol(name)
         while symbol in self.latex:
             symbol = sympy.Symbol(symbol.name + "'")
-        self._call(symbol, names.upright(name) if latex in self._taken else latex)
+        self.latex[symbol] = latex
         return symbol
 
     def _call(self, symbol: sympy.Symbol, latex: str) -> None:
-        self.latex[symbol] = latex
-        self._taken.add(latex)
-
-    def _untaken(self, latex: str) -> str:
-        """With a tilde where the model has a symbol that looks the same."""
-        while latex in self._taken:
-            latex = rf"\tilde{{{latex}}}"
-        return latex
+        self.latex[symbol] = untaken(latex, self._taken)
+        self._taken.add(self.latex[symbol])
 
     def fresh(self, name: str, latex: str) -> sympy.Symbol:
         """A symbol for a term of the page; its name is in brackets, so that no identifier of the
         model has it."""
         symbol = sympy.Symbol(name if "[" in name else f"{name}[]")
         if symbol not in self.latex:
-            self._call(symbol, self._untaken(latex))
+            self._call(symbol, latex)
         return symbol
 
     def rate(self, symbol: sympy.Symbol) -> sympy.Symbol:

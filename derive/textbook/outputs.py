@@ -39,6 +39,7 @@ def _formula(doc: Manuscript, name: str, value: ca.SX, unit: str) -> None:
     symbols = [
         doc.notation.fresh(f"output {name}[{k}]", latex) for k, latex in enumerate(labels, 1)
     ]
+    labels = [doc.notation.latex[symbol] for symbol in symbols]
     entries = doc.read(value)
     if entries is None:
         doc.too_long(labels[0])

@@ -206,7 +206,8 @@ def _cramer(doc: Manuscript, M: Rows, f: Sequence[sympy.Expr]) -> None:
     M_w = doc.terms.named("M_w")
     value = M_w[0, 0] * M_w[1, 1] - M_w[0, 1] * M_w[1, 0]
     doc.lines("determinant", [determinant], [M[0][0] * M[1][1] - M[0][1] ** 2], value)
-    doc.mean(r"\Delta_{w}", "determinant of the mass matrix of the quasi-velocities")
+    latex = doc.notation.latex[determinant]
+    doc.mean(latex, "determinant of the mass matrix of the quasi-velocities")
     doc.say("The explicit equations of motion are:")
     first = (M[1][1] * f[0] - M[0][1] * f[1]) / determinant
     second = (M[0][0] * f[1] - M[0][1] * f[0]) / determinant

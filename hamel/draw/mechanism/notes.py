@@ -100,7 +100,7 @@ def point_coordinates(scene: Scene, wanted: Sequence[str]) -> list[Note]:
 
 def symbol(scene: Scene, name: str) -> str:
     """What the derivation calls it too."""
-    return names.symbol(name, dict(scene.model.symbols))
+    return scene.labels.get(name) or names.symbol(name, dict(scene.model.symbols))
 
 
 def arm(scene: Scene, anchor: Anchor) -> Vector:

@@ -18,6 +18,7 @@ from derive.model.constraint_records import Distance, NoSlip, OnSurface, Rolling
 from derive.model.load_records import Bushing, Contact, Force, PointSpring, Tension
 from derive.model.records import GROUND as GROUND_NAME
 from derive.model.records import Closure, Joint, Model, Placement
+from derive.textbook.labels import labels
 from hamel.draw.mechanism.anchors import LOOSE, Anchor
 from hamel.draw.mechanism.points import Bonds, Dial, Loose, bonds, dials, loose_points
 from hamel.draw.mechanism.poses import Bodies
@@ -80,6 +81,11 @@ class Scene:
     def model(self) -> Model:
         """The model drawn."""
         return self.system.model
+
+    @cached_property
+    def labels(self) -> dict[str, str]:
+        """What the derivation calls coordinates, parameters and inputs."""
+        return labels(self.model)
 
     def pose(self, body: int) -> Pose:
         """Of a body, or of the ground."""

@@ -304,3 +304,19 @@ def test_coordinates_are_called_as_the_file_says_and_as_the_derivation_does() ->
     assert ">ψ<" in drawn and ">θ<" in drawn and "yaw" not in re.sub(r"<desc.*?</desc>", "", drawn)
     hat = load_text(text.replace(r"\psi", r"'\hat{x}'"))
     assert "x\u0302" in svg(figure(system(hat)))
+
+
+TWINS = """
+model: twins
+plane: xy
+bodies: {a: {mass: 1}, b: {mass: 1}}
+joints:
+  j1: {type: prismatic, parent: ground, child: a, axis: x, coordinate: q1}
+  j_1: {type: prismatic, parent: ground, child: b, axis: y, coordinate: q_1}
+inputs: {u1: {joint: j1}, u_1: {joint: j_1}}
+"""
+
+
+def test_names_are_those_of_the_derivation() -> None:
+    labels = [x.label.latex for x in figure(system(load_text(TWINS))).letterings]
+    assert {"q_{1}", r"\mathrm{q\,1}", "u_{1}", r"\mathrm{u\,1}"} <= set(labels)

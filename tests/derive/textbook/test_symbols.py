@@ -1,0 +1,74 @@
+"""No two things on a page look alike, and what belongs together looks so.
+
+Of derive.textbook: labels, names, notation, outputs.
+"""
+
+import re
+
+from derive.formulations import equations
+from derive.model import load_text
+from derive.states import system
+from derive.textbook.derivation import derivation
+from derive.textbook.labels import labels
+from derive.textbook.records import Document, Math, Table
+from derive.textbook.write_latex import article
+
+TWINS = """
+model: twins
+plane: xy
+parameters: {m1: 1 kg, m_1: 2 kg, l: 1 m, th: 0.3 rad, x_dot: 0.4 N}
+bodies:
+  {b1: {mass: m1, inertia: 0.1}, b_1: {mass: m_1, inertia: 0.2}, b2: {mass: 1, inertia: 1}, b3: {mass: 1}}
+joints:
+  j1: {type: prismatic, parent: ground, child: b1, axis: x, coordinate: q1}
+  j_1: {type: prismatic, parent: ground, child: b_1, axis: y, coordinate: q_1}
+  j2: {type: revolute, parent: b_1, child: b2, coordinate: theta}
+  j3: {type: prismatic, parent: ground, child: b3, axis: x, coordinate: x}
+inputs: {u1: {joint: j1}, u_1: {joint: j_1}}
+loads: {k: {type: expression, joint: j1, expression: -(3 N/m)*q1 + x_dot*sin(q_1/l - th)}}
+outputs: {y1: q1, y_1: q_1}
+"""
+
+
+def written(text: str, road: str = "block_inversion") -> Document:
+    return derivation(equations(system(load_text(text))), (road,))
+
+
+def symbols(document: Document) -> dict[str, list[str]]:
+    """Of the table of symbols: what each symbol is said to be."""
+    (section,) = [x for x in document.sections if x.title == "Symbols"]
+    (table,) = [x for x in section.blocks if isinstance(x, Table)]
+    found: dict[str, list[str]] = {}
+    for (symbol,), about, _ in table.rows:
+        assert isinstance(symbol, Math)
+        for one in symbol.latex.split(r",\; "):
+            found.setdefault(one, []).append("".join(str(run) for run in about))
+    return found
+
+
+def test_no_two_names_look_alike() -> None:
+    called = labels(load_text(TWINS))
+    assert len({*called.values()}) == len(called)
+    assert called["m1"] == "m_{1}" and called["m_1"] == r"\mathrm{m\,1}"
+
+
+def test_the_rate_of_a_coordinate_is_its_symbol_with_a_dot() -> None:
+    called = labels(load_text(TWINS))
+    assert called["theta"] == r"\theta" and called["th"] == r"\mathrm{th}"
+    assert called["der(theta)"] == r"\dot{\theta}"
+    assert called["der(x)"] == r"\dot{x}" and called["x_dot"] == r"\mathrm{x\,dot}"
+    assert called["der(q_1)"] == r"\dot{\mathrm{q\,1}}"
+    assert not re.search(r"\\mathrm\{der", article(written(TWINS)))
+
+
+def test_tables_of_what_is_given_call_things_as_formulas_do() -> None:
+    (given,) = [x for x in written(TWINS).sections if x.title == "Given"]
+    table = next(x for x in given.blocks if isinstance(x, Table))
+    first = [cell[0].latex for cell, *_ in table.rows if isinstance(cell[0], Math)]
+    assert first == ["m_{1}", r"\mathrm{m\,1}", "l", r"\mathrm{th}", r"\mathrm{x\,dot}"]
+
+
+def test_symbols_are_listed_once_and_as_formulas_have_them() -> None:
+    found = symbols(written(TWINS))
+    assert r"\tilde{y_{1}}" in found
+    assert not {symbol: told for symbol, told in found.items() if len(told) > 1}

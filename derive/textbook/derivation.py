@@ -104,7 +104,8 @@ def _version() -> str:
 def symbols(doc: Manuscript) -> None:
     """What every symbol means, with its unit."""
     doc.section("Symbols")
-    rows = [((Math(x.latex),), x.about, (Text(x.unit),)) for x in doc.meanings]
+    meanings = dict.fromkeys(doc.meanings)  # two roads share some
+    rows = [((Math(x.latex),), x.about, (Text(x.unit),)) for x in meanings]
     doc.table(("symbol", "meaning", "unit"), rows, MOST_SYMBOLS)
 
 

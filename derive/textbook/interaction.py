@@ -2,8 +2,8 @@
 couples them.
 
 Source: Yu, Chen, A general approach to the dynamics of nonholonomic mobile manipulator systems, J.
-Dyn. Sys. Meas. Control 124 (2002): the equations of either part are used as they are; R, δM and δC
-are the interaction.
+Dyn. Sys. Meas. Control 124 (2002): the equations of either part are used as they are; their R
+(here M_av), δM and δC (here δh) are the interaction.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ class _Coupling:
     dM: ca.SX
     h_v: ca.SX
     dh: ca.SX
-    R: ca.SX
+    M_av: ca.SX
     M_a: ca.SX
 
 
 def interaction(doc: Manuscript) -> None:
-    """R, δM and δC, where only the platform of a tree is held by constraints: what the arm adds to
-    the platform's equations, and what couples the two."""
+    """M_av, δM and δh, where only the platform of a tree is held by constraints: what the arm adds
+    to the platform's equations, and what couples the two."""
     parts = _parts(doc.system)
     if parts is None:
         return
@@ -53,13 +53,13 @@ def interaction(doc: Manuscript) -> None:
     doc.say(
         "Only velocities $!v_v$ of the platform stand in the constraints, those of the arm, "
         "$!v_a$, do not. The equations of the platform without an arm, $!M_v$ and $!h_v$, and of "
-        "the arm on ground that rests are used as they are; what couples them is $!R$, $\\delta!M$ "
-        "and $\\delta!h$ (δC of Yu and Chen):"
+        "the arm on ground that rests are used as they are; what couples them is $!M_{av}$, "
+        "$\\delta!M$ and $\\delta!h$ (R, δM and δC of Yu and Chen):"
     )
     _laws(doc, parts, coupling)
     doc.matrix("M_v", r"!M_v", r"M^{v}", coupling.M_v, symmetric=True)
     doc.matrix("dM", r"\delta!M", r"\delta M", coupling.dM, symmetric=True)
-    doc.matrix("R_va", r"!R", r"R", coupling.R)
+    doc.matrix("M_av", r"!M_{av}", r"M^{av}", coupling.M_av)
     doc.matrix("M_a", r"!M_a", r"M^{a}", coupling.M_a, symmetric=True)
     doc.say(
         "and, from velocities and gravity, the platform's bias alone and what the arm adds to it"
@@ -67,7 +67,7 @@ def interaction(doc: Manuscript) -> None:
     doc.vector("h_v", r"h^{v}", coupling.h_v)
     doc.vector("dh", r"\delta h", coupling.dh)
     doc.mean(
-        r"!R,\; \delta!M,\; \delta!h",
+        r"!M_{av},\; \delta!M,\; \delta!h",
         "interaction of platform and arm: inertia coupling, added mass, added bias",
     )
 
@@ -86,7 +86,7 @@ def _coupling(system: System, parts: _Parts) -> _Coupling:
         dM=_mass(system, load)[v, v],
         h_v=_bias(system, platform)[v],
         dh=_bias(system, load)[v],
-        R=system.M[arm, v],
+        M_av=system.M[arm, v],
         M_a=system.M[arm, arm],
     )
 
@@ -95,16 +95,16 @@ def _laws(doc: Manuscript, parts: _Parts, coupling: _Coupling) -> None:
     """One equation for the platform and one for the arm."""
     v, arm, c, system = parts.platform, parts.arm, coupling, doc.system
     vdot, Q, h = doc.terms.vdot, system.Q, system.h
-    motion = ca.mtimes(c.M_v + c.dM, vdot[v]) + ca.mtimes(c.R.T, vdot[arm]) + c.h_v + c.dh
+    motion = ca.mtimes(c.M_v + c.dM, vdot[v]) + ca.mtimes(c.M_av.T, vdot[arm]) + c.h_v + c.dh
     forces = ca.mtimes(system.A[:, v].T, doc.terms.lam)
     doc.law(
         "platform",
-        r"\left(!M_v + \delta!M\right)!!v_v + !R^T!!v_a + !h_v + \delta!h",
+        r"\left(!M_v + \delta!M\right)!!v_v + !M_{av}^T!!v_a + !h_v + \delta!h",
         r"!Q_v + !A_v^T!\lambda",
         motion - Q[v] - forces,
     )
-    motion = ca.mtimes(c.R, vdot[v]) + ca.mtimes(c.M_a, vdot[arm]) + h[arm]
-    doc.law("arm", r"!R\,!!v_v + !M_a\,!!v_a + !h_a", r"!Q_a", motion - Q[arm])
+    motion = ca.mtimes(c.M_av, vdot[v]) + ca.mtimes(c.M_a, vdot[arm]) + h[arm]
+    doc.law("arm", r"!M_{av}\,!!v_v + !M_a\,!!v_a + !h_a", r"!Q_a", motion - Q[arm])
 
 
 def _parts(system: System) -> _Parts | None:

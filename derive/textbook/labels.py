@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from derive.model.records import Coordinate, Model
 from derive.textbook import names
 
-PAGE = ("t", "T", "V", "P")  # what the page itself calls so
+PAGE: tuple[str, ...] = ("t", "T", "V", "P")  # what the page itself calls so
 
 
 def labels(model: Model) -> dict[str, str]:

@@ -148,17 +148,21 @@ def _said_if_none(doc: Manuscript, name: str, bold: str) -> None:
 
 
 def _bias_in_steps(doc: Manuscript, h_w: ca.SX) -> None:
-    """Over F = h + M σ."""
+    """Over h_σ = h + M σ."""
     if not {"M", "S", "h", "sigma"} <= doc.entries.keys():
         doc.too_long(r"\mathbf{h}_w")
         return
-    doc.say("In two steps, the bias where $!!w=!0$ is $!F=!h+!M\\,!\\sigma$, and $!h_w=!S^T!F$:")
+    doc.say(
+        "In two steps, the bias where $!!w=!0$ is $!h_\\sigma=!h+!M\\,!\\sigma$, and "
+        "$!h_w=!S^T!h_\\sigma$:"
+    )
     h, sigma = _column(doc, "h"), _column(doc, "sigma")
-    F = [x + sum_of(row, sigma) for x, row in zip(h, doc.entries["M"])]
+    bias = [x + sum_of(row, sigma) for x, row in zip(h, doc.entries["M"])]
     s = doc.system
-    doc.vector("F", "F", s.h + ca.mtimes(s.M, doc.terms.named("sigma")), F)
-    doc.mean(r"!F", "bias in the generalized velocities where $!!w=!0$, $!h+!M\\,!\\sigma$")
-    at_rest = _column(doc, "F")
+    value = s.h + ca.mtimes(s.M, doc.terms.named("sigma"))
+    doc.vector("h_sigma", r"h^{\sigma}", value, bias)
+    doc.mean(r"!h_\sigma", "bias in the generalized velocities where $!!w=!0$, $!h+!M\\,!\\sigma$")
+    at_rest = _column(doc, "h_sigma")
     doc.vector("h_w", "h^{w}", h_w, [sum_of(s, at_rest) for s in zip(*doc.entries["S"])])
 
 
@@ -179,7 +183,7 @@ def _solved(doc: Manuscript) -> None:
     M = doc.entries["M_w"]
     f = [x - y for x, y in zip(_column(doc, "f_w"), _column(doc, "h_w"))]
     # where the bias took two steps, its quotient is longer still
-    short = None if "F" in doc.entries else doc.reader.whole(doc.terms.wdot, SHORT)
+    short = None if "h_sigma" in doc.entries else doc.reader.whole(doc.terms.wdot, SHORT)
     if short is not None:
         _explicit(doc, "Solved for the accelerations, the explicit equations of motion are:")
         _accelerations(doc, short)

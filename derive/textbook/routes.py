@@ -16,6 +16,7 @@ from derive.textbook.terms import Terms
 
 SAMPLES = 8  # random admissible states at which roads are compared
 MOST_ROADS = 2
+ORDER = ("First", "Second")
 
 
 def roads_of(terms: Terms, names: Sequence[str]) -> tuple[Road, ...]:
@@ -58,7 +59,7 @@ def write_roads(doc: Manuscript, taken: Sequence[Road]) -> None:
         # each road prints what it needs, as if the other were not there
         for name in set(doc.entries) - before:
             del doc.entries[name]
-        doc.section(road.title[0].upper() + road.title[1:])
+        doc.section(f"{ORDER[column - 1]} road: {road.title}")  # its own sections may be called so
         doc.say("{text}.", text=road.about[0].upper() + road.about[1:])
         road.write(doc)
     doc.column = 0

@@ -217,20 +217,21 @@ def _appell(doc: Manuscript) -> None:
     nonideal(doc)
     accelerations(doc)
     doc.section("Energy of accelerations")
+    G = doc.called("Gibbs", "G")
     doc.say(
         "Gibbs and Appell's function is to accelerations what the kinetic energy is to velocities, "
-        "$G=\\tfrac{1}{2}\\int !a\\cdot!a\\,\\mathrm{d}m$. For a body, with the acceleration "
-        "$!a_i$ of its origin and its first moment $m_i!c_i$, it is, without what is free of "
-        "accelerations:"
+        f"${G}=\\tfrac{{1}}{{2}}\\int !a\\cdot!a\\,\\mathrm{{d}}m$. For a body, with the "
+        "acceleration $!a_i$ of its origin and its first moment $m_i!c_i$, it is, without what is "
+        "free of accelerations:"
     )
     doc.state(
-        r"G_i",
+        f"{G}_i",
         r"\tfrac{1}{2} m_i\,!a_i^2 + !a_i\cdot\left(\dot{!\omega}_i\times m_i!c_i "
         r"+ !\omega_i\times\left(!\omega_i\times m_i!c_i\right)\right) "
         r"+ \tfrac{1}{2}\dot{!\omega}_i\cdot!I_i\dot{!\omega}_i "
         r"+ \dot{!\omega}_i\cdot\left(!\omega_i\times!I_i!\omega_i\right)",
     )
-    doc.mean(r"G", "energy of accelerations (Gibbs, Appell)")
+    doc.mean(G, "energy of accelerations (Gibbs, Appell)")
     doc.say("In the rates of the quasi-velocities it is a polynomial of second degree:")
     terms, wdot = doc.terms, doc.terms.wdot
     M_w, h = terms.named("M_w"), balance(terms, ca.SX.zeros(wdot.numel())) + _force(terms)
@@ -239,17 +240,17 @@ def _appell(doc: Manuscript) -> None:
     collected = ca.mtimes(M_w, free) + h
     doc.law(
         "acceleration energy",
-        r"G",
-        r"\tfrac{1}{2}\,!!w^T!M_w\,!!w + !!w^T!g + \ldots",
+        G,
+        r"\tfrac{1}{2}\,!!w^T!M_w\,!!w + !!w^T!h_c + \ldots",
         ca.substitute(slope - collected, free, TRIAL[: wdot.numel()]),
     )
-    doc.mean(r"!g", "what of the bias is no gravity and no potential, $!h_w-!S^T!V$")
+    doc.mean(r"!h_c", "what of the bias is no gravity and no potential, $!h_w-!S^T!V$")
     _printed_energy(doc)
     doc.section("Gibbs and Appell's equations")
     doc.say("Differentiated with respect to the rates of the quasi-velocities it gives the forces:")
     doc.law(
         "Appell",
-        r"\frac{\partial G}{\partial !!w}",
+        rf"\frac{{\partial {G}}}{{\partial !!w}}",
         r"!S^T\left(!Q - !V\right)",
         _appell_left(terms, wdot),
     )
@@ -268,9 +269,9 @@ def _printed_energy(doc: Manuscript) -> None:
     entries = doc.reader.whole(linear, SHORT)
     if entries is None:
         return
-    doc.vector("g", "g", linear, entries)
+    doc.vector("h_c", "h^{c}", linear, entries)
     if all(x == 0 for x in entries):
-        doc.say("Here $!g=!0$.")
+        doc.say("Here $!h_c=!0$.")
 
 
 def _solution(terms: Terms) -> ca.SX:

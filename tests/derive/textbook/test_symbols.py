@@ -5,13 +5,16 @@ Of derive.textbook: labels, names, notation, outputs.
 
 import re
 
+import pytest
+
 from derive.formulations import equations
-from derive.model import load_text
+from derive.model import load, load_text
 from derive.states import system
 from derive.textbook.derivation import derivation
 from derive.textbook.labels import labels
 from derive.textbook.records import Document, Math, Table
 from derive.textbook.write_latex import article
+from tests.scenes import MODELS
 
 TWINS = """
 model: twins
@@ -72,3 +75,22 @@ def test_symbols_are_listed_once_and_as_formulas_have_them() -> None:
     found = symbols(written(TWINS))
     assert r"\tilde{y_{1}}" in found
     assert not {symbol: told for symbol, told in found.items() if len(told) > 1}
+
+
+@pytest.mark.parametrize(
+    "model, roads",
+    [
+        ("snakeboard", ("block_inversion",)),  # an arm on a platform
+        ("rolling_disk", ("gibbs_appell",)),  # gravity, and a bias without it
+        ("four_bar", ("kane", "boltzmann_hamel")),
+    ],
+)
+def test_a_symbol_has_one_meaning(model: str, roads: tuple[str, ...]) -> None:
+    found = symbols(derivation(equations(system(load(MODELS / f"{model}.yaml"))), roads))
+    assert not {symbol: told for symbol, told in found.items() if len(told) > 1}
+
+
+def test_the_energy_of_accelerations_is_no_parameter() -> None:
+    text = TWINS.replace("th: 0.3 rad", "th: 0.3 rad, G: 1 kg").replace("mass: m1,", "mass: G,")
+    found = symbols(written(text, "gibbs_appell"))
+    assert len(found["G"]) == len(found[r"\tilde{G}"]) == 1

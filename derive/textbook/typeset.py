@@ -36,6 +36,7 @@ CALLED = {
     "atan2": r"\mathrm{atan2}",
     "sign": r"\mathrm{sign}",
 }
+EULER = frozenset(("e", r"\mathrm{e}"))  # names that would look like Euler's number
 RELATIONS = {"<": "<", "<=": r"\le", ">": ">", ">=": r"\ge", "==": "=", "!=": r"\ne"}
 NOTHING_ELSE = ExprCondPair(0, True)
 _WORD = re.compile(r"\\(sin|cos|tan|arcsin|arccos|arctan|ln|min|max)(?![A-Za-z])")
@@ -229,7 +230,7 @@ class Typesetter:
         arguments = ", ".join(self.latex(a) for a in x.args)
         if isinstance(x, sympy.Abs):
             return rf"\left|{arguments}\right|"
-        if isinstance(x, sympy.exp):
+        if isinstance(x, sympy.exp) and EULER.isdisjoint(self.names.values()):
             return f"e^{{{arguments}}}"
         if isinstance(x, sympy.Piecewise | AppliedUndef) or name not in CALLED:
             return self._otherwise(x)

@@ -56,6 +56,12 @@ def test_words_that_are_multiplied_have_a_sign_between_them() -> None:
     assert setter.latex(A * C) == rf"{words[A]} \, c"
 
 
+def test_eulers_number_is_no_parameter() -> None:
+    assert Typesetter(NAMES).latex(A * sympy.exp(-X)) == r"a \, e^{-x}"
+    setter = Typesetter({**NAMES, A: "e"})
+    assert setter.latex(A * sympy.exp(-X)) == r"e \, \exp\left(-x\right)"
+
+
 def test_lists_may_end_a_line_behind_a_comma() -> None:
     assert _breakable(r"x,\; y") == r"x,\; \allowbreak y"
     assert _breakable(r"\left(x,\,y\right)") == r"(x,\,\allowbreak y)"

@@ -24,6 +24,7 @@ from derive.textbook.ring import (
     TooBig,
     Trig,
     common_factor,
+    meant,
     over,
     parted,
 )
@@ -35,6 +36,7 @@ HOPELESS = 4  # times too long
 
 def number(x: Exact, decimal: bool) -> Expr:
     """A whole number, a plain fraction, else a decimal of at most 15 digits."""
+    x = meant(x)
     if x.denominator == 1 and abs(x.numerator) < 10**DIGITS:
         return sympy.Integer(x.numerator)
     short = len(repr(float(x)).replace("-", "").replace("0.", "").lstrip("0")) <= 6

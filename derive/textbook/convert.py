@@ -14,7 +14,7 @@ from sympy import Expr
 
 from derive.textbook.compose import FUNCTIONS, Composer, number, operations
 from derive.textbook.graph import Graph, Node
-from derive.textbook.ring import Exact, Poly, Ring, TooBig, over, rational
+from derive.textbook.ring import Exact, Poly, Ring, TooBig, over, rational, tidied
 
 READABLE = 44  # operations in one printed entry
 PIECE = 18  # a sub-term longer than this gets a name
@@ -84,8 +84,10 @@ class Reader:
         names: Sequence[sympy.Symbol],
         decimal: bool,
         gravity: Gravity | None = None,
+        left: Callable[[float], bool] = lambda x: False,
     ) -> None:
-        self.graph, self.gravity = Graph(symbols), gravity
+        """`left` says which numbers rounding left, where the model means zero."""
+        self.graph, self.gravity, self.left = Graph(symbols), gravity, left
         self.names, self.decimal = tuple(names), decimal
         self.known: dict[int, Expr] = {}
         self.pieces = 0
@@ -218,7 +220,7 @@ class Reader:
                     if k in names
                     else self._poly(ring, self.graph.nodes[k], values)
                 )
-            polys = [ring.pythagorean(ring.over_roots(values[k])) for k in roots]
+            polys = [ring.pythagorean(ring.over_roots(tidied(values[k]))) for k in roots]
         except (TooBig, OverflowError, ValueError, ZeroDivisionError):
             return None
         return _Form(Composer(ring, self.decimal), tuple(polys))
@@ -232,6 +234,8 @@ class Reader:
 
     def _number(self, ring: Ring, x: float) -> Poly:
         """A number, or how often it holds gravity."""
+        if self.left(x):
+            return {}
         times = self.gravity.times(x) if self.gravity else None
         if self.gravity is None or times is None:
             return ring.number(x)
@@ -247,7 +251,8 @@ class Reader:
             elif node.op == ca.OP_INPUT:
                 values[k] = self.names[int(node.number)]
             elif node.op == ca.OP_CONST:
-                values[k] = number(rational(node.number), self.decimal)
+                x = 0.0 if self.left(node.number) else node.number
+                values[k] = number(rational(x), self.decimal)
             else:
                 values[k] = PLAIN[node.op](*[values[i] for i in node.operands])
         return [values[k] for k in roots]

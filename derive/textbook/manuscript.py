@@ -19,9 +19,9 @@ from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.textbook import names
 from derive.textbook.compose import operations
+from derive.textbook.constants import Constants
 from derive.textbook.convert import BEARABLE, FEW_PIECES, MOST_PIECES, READABLE, Piece
 from derive.textbook.layout import (
-    MOST_DIGITS,
     MOST_ROWS,
     Rows,
     ends,
@@ -59,7 +59,7 @@ from derive.textbook.records import (
     Text,
 )
 from derive.textbook.terms import Terms
-from derive.textbook.typeset import Typesetter, digits, width
+from derive.textbook.typeset import Typesetter, width
 
 Item = TypeVar("Item")
 Residual = ca.SX | Deferred[ca.SX]
@@ -106,7 +106,7 @@ class Manuscript:
         self._conditions = False  # whether one stands in a formula
         self._explained_conditions = False
         self._pending: list[Line] = []  # of symbols that the next display has to explain
-        self._constants: dict[sympy.Float, sympy.Symbol] = {}
+        self._constants = Constants(self._constant)
 
     @property
     def equations(self) -> Equations:
@@ -276,7 +276,7 @@ class Manuscript:
         where: bool = False,
     ) -> list[Line]:
         """The lines, recorded but not displayed."""
-        shown = [self._with_constants(x) for x in expressions]
+        shown = [self._constants.named(x) for x in expressions]
         pieces = [self.typesetter.pieces(x) for x in shown]
         labels = [self.notation.latex[symbol] for symbol in symbols]
         text = r" \\ ".join(f"{left} = {''.join(right)}" for left, right in zip(labels, pieces))
@@ -287,33 +287,13 @@ class Manuscript:
             for k, (left, right) in enumerate(zip(labels, pieces))
         ]
 
-    def _with_constants(self, x: sympy.Expr) -> sympy.Expr:
-        """Long decimals get names, which are explained once."""
-        numbers: set[sympy.Float] = x.atoms(sympy.Float)  # pyright: ignore[reportAssignmentType]
-        long = sorted((n for n in numbers if len(digits(n)) > MOST_DIGITS), key=float)
-        return x.xreplace({n: self._constant(n) for n in long}) if long else x
-
-    def _constant(self, n: sympy.Float) -> sympy.Expr:
-        """The name of a number or of its negative, a new one where it has none."""
-        opposite = sympy.Float(-float(n), 15)
-        if opposite in self._constants:
-            return -self._constants[opposite]
-        if n not in self._constants:
-            self._name_constant(n)
-        return self._constants[n]
-
-    def _name_constant(self, n: sympy.Float) -> None:
-        k = len(self._constants) + 1
+    def _constant(self, k: int, n: sympy.Float) -> sympy.Symbol:
+        """The name of a number; the next display explains it."""
         symbol = self.notation.fresh(f"kappa[{k}]", rf"\kappa_{{{k}}}")
-        self._constants[n] = symbol
         self._record(f"kappa[{k}]", "", [symbol], [[n]], ca.SX(float(n)))
-        line = Line(
-            self.notation.latex[symbol],
-            self.typesetter.pieces(n),
-            place=(len(self.printed) - 1, 0),
-            where=True,
-        )
-        self._pending.append(line)
+        place, latex = (len(self.printed) - 1, 0), self.notation.latex[symbol]
+        self._pending.append(Line(latex, self.typesetter.pieces(n), place=place, where=True))
+        return symbol
 
     def _record(
         self, name: str, latex: str, left: Sequence[sympy.Symbol | None], right: Rows, value: ca.SX
@@ -483,7 +463,7 @@ class Manuscript:
                 lines = self._lines(name, [symbols[0][0]], [shown[0][0]], value)
         elif value.size2() <= BROAD:
             left = [symbol for row in symbols for symbol in row]
-            shown = [[self._with_constants(x) for x in row] for row in shown]
+            shown = [[self._constants.named(x) for x in row] for row in shown]
             latex = self.typesetter.matrix(shown)
             self._record(name, f"{bold} = {latex}", left, shown, value)
             lines = [Line(bold, (latex,), place=(len(self.printed) - 1, -1))]

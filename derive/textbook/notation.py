@@ -14,6 +14,7 @@ from derive.mechanics.records import System
 from derive.textbook import names
 from derive.textbook.convert import Gravity, Reader
 from derive.textbook.labels import labels, unlike, untaken
+from derive.textbook.rounding import leftovers
 from derive.textbook.terms import Terms
 
 REACTION = "reaction."  # before the name of a row
@@ -145,6 +146,7 @@ class Notation:
             [*symbols, *self.multipliers, *[x.symbol for x in self.extra]],
             bool(s.constants) and not self.p,
             self.g,
+            leftovers(s.model),
         )
 
     def in_basic_symbols(self, value: ca.SX) -> ca.SX:

@@ -29,6 +29,10 @@ UNIT: Key = ((), ())
 # divisors of fractions that stay fractions: masses of rods, balls (2/5, 5/7) and rings give these
 PLAIN = frozenset((1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 14, 15, 16, 18, 21, 24, 28, 30, 32, 35, 36, 48))
 
+ROUNDING = 1e-14  # of a number: what a few roundings change
+SHORT = 8  # digits of a number that no computed one is so near to by chance
+FINE = 10**8  # a denominator above that is one of a computed number
+
 
 class TooBig(Exception):
     """The sum has more terms, or took more work, than is worth printing."""
@@ -57,12 +61,27 @@ def over(x: Exact, y: Exact) -> Exact:
 
 
 def rational(x: float) -> Exact:
-    """The number meant: 1/3 for 0.333…, 981/100 for 9.81; else the shortest decimal that reads back
-    the same."""
+    """The number meant: 1/3 for 0.333…, 981/100 for 9.81, 1 for 1.0000000000000002; else the
+    shortest decimal that reads back the same."""
     if x.is_integer():
         return int(x)
+    near = Fraction(x).limit_denominator(max(PLAIN))
+    if near.denominator not in PLAIN or not _is_rounded(near, x):
+        near = Fraction(f"{x:.{SHORT}g}")
+    if _is_rounded(near, x):
+        return near.numerator if near.denominator == 1 else near
     near = Fraction(x).limit_denominator(1_000_000)
     return near if abs(float(near) - x) <= 2e-16 * abs(x) else Fraction(repr(x))
+
+
+def _is_rounded(near: Fraction, x: float) -> bool:
+    """Whether x may be that number, a few roundings later."""
+    return abs(float(near) - x) <= ROUNDING * abs(x)
+
+
+def meant(x: Exact) -> Exact:
+    """The number meant by a coefficient that was computed."""
+    return x if x.denominator <= FINE else rational(float(x))
 
 
 @dataclass
@@ -101,8 +120,9 @@ class Ring:
         return self._checked(result)
 
     def _accumulate(self, poly: Poly, key: Key, x: Exact) -> None:
-        total = poly.get(key, 0) + x
-        if total:
+        before = poly.get(key, 0)
+        total = before + x
+        if total and not _cancels(total, before):
             poly[key] = total
         else:
             poly.pop(key, None)
@@ -327,6 +347,16 @@ class Ring:
         return _oriented(tuple(sorted(frequencies)))[0]
 
 
+def _cancels(total: Exact, before: Exact) -> bool:
+    """Whether what is left of a difference of computed numbers is their rounding."""
+    return total.denominator > FINE and abs(total) < abs(before) * _ROUNDING
+
+
+def tidied(poly: Poly) -> Poly:
+    """The numbers meant, in place of those computed."""
+    return {key: meant(x) for key, x in poly.items()}
+
+
 def _squared(poly: Poly) -> set[int]:
     """The atoms that stand squared, or in a higher power, in some term."""
     return {k for monomial, _ in poly for k, e in monomial if e > 1}
@@ -349,6 +379,7 @@ def _oriented(freq: Frequencies) -> tuple[Frequencies, int]:
 
 
 _HALF = Fraction(1, 2)
+_ROUNDING = Fraction(1, 10**14)
 
 
 def _trig_product(a: Trig, b: Trig) -> list[tuple[Trig, Exact]]:

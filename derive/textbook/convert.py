@@ -91,6 +91,7 @@ class Reader:
         self.names, self.decimal = tuple(names), decimal
         self.known: dict[int, Expr] = {}
         self.pieces = 0
+        self.long: set[int] = set()  # entries that are long
 
     def whole(self, value: ca.SX, most: int = READABLE) -> list[Expr] | None:
         """Every entry over the basic symbols alone; None where one would have more than `most`
@@ -125,6 +126,12 @@ class Reader:
             if self.graph.nodes[node].operands and symbol.is_Symbol:
                 self.known.setdefault(node, symbol)
 
+    def name_long(self, value: ca.SX, symbols: Sequence[Expr]) -> None:
+        """The same of entries that would have got a name if they were no entries."""
+        for node, symbol in zip(self.graph.read(value), symbols):
+            if node in self.long:
+                self.known.setdefault(node, symbol)
+
     def in_pieces(
         self, value: ca.SX, fresh: Callable[[int], sympy.Symbol], most: int = MOST_PIECES
     ) -> tuple[list[Piece], list[Expr]] | None:
@@ -132,7 +139,7 @@ class Reader:
         there would be too many."""
         roots = self.graph.read(value)
         order = self.graph.below(roots, frozenset(self.known))
-        cuts = self._cuts(order) if len(order) <= MOST_NODES else None
+        cuts = self._cuts(order, roots) if len(order) <= MOST_NODES else None
         if cuts is None or len(cuts) > most:
             return None
         names: dict[int, Expr] = {k: self.known[k] for k in order if k in self.known}
@@ -159,9 +166,19 @@ class Reader:
                 terms[k] = apply(node.op, *[terms[i] for i in node.operands])
         return ca.vertcat(*[terms[k] for k in nodes])
 
-    def _cuts(self, order: Sequence[int]) -> list[int]:
-        """Nodes to name: shared ones worth it, and those that have grown long."""
+    def _entries(self, roots: Sequence[int], uses: Counter[int]) -> set[int]:
+        """Nodes that are an entry, or its negative, and nothing else: a name for one would only be
+        an alias."""
+        whole = {k for k in roots if not uses[k]}
+        nodes = [self.graph.nodes[k] for k in sorted(whole)]
+        inside = {x.operands[0] for x in nodes if x.op == ca.OP_NEG}
+        return whole | {k for k in inside if uses[k] == 1}
+
+    def _cuts(self, order: Sequence[int], roots: Sequence[int]) -> list[int]:
+        """Nodes to name: shared ones worth it, and those that have grown long and are more than an
+        entry."""
         uses = self._uses(order)
+        entries = self._entries(roots, uses)
         sizes: dict[int, int] = {}  # operations down to the nearest names
         cuts: list[int] = []
         for k in order:
@@ -170,7 +187,9 @@ class Reader:
             if k in self.known or not node.operands:
                 continue
             size = (node.op != ca.OP_NEG) + sum(sizes[i] for i in node.operands)
-            if size > PIECE or (uses[k] > 1 and size >= SHARED):
+            if size > PIECE and k in entries:
+                self.long.add(k)
+            elif size > PIECE or (uses[k] > 1 and size >= SHARED):
                 cuts.append(k)
             else:
                 sizes[k] = size

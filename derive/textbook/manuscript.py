@@ -266,6 +266,7 @@ class Manuscript:
     ) -> None:
         """One line per entry, symbol = expression; `value` is the column of the same terms."""
         self._display(name, self._lines(name, symbols, expressions, value), boxed)
+        self.reader.name_long(value, symbols)
 
     def _lines(
         self,

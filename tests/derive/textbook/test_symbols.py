@@ -12,7 +12,7 @@ from derive.model import load, load_text
 from derive.states import system
 from derive.textbook.derivation import derivation
 from derive.textbook.labels import labels
-from derive.textbook.records import Document, Math, Table
+from derive.textbook.records import Display, Document, Math, Table
 from derive.textbook.write_latex import article
 from tests.scenes import MODELS
 
@@ -94,3 +94,33 @@ def test_the_energy_of_accelerations_is_no_parameter() -> None:
     text = TWINS.replace("th: 0.3 rad", "th: 0.3 rad, G: 1 kg").replace("mass: m1,", "mass: G,")
     found = symbols(written(text, "gibbs_appell"))
     assert len(found["G"]) == len(found[r"\tilde{G}"]) == 1
+
+
+SPATIAL = """
+model: spatial
+gravity: [0, 0, -9.81 m/s^2]
+bodies:
+  one: {mass: 1, com: [0.2, 0, 0], inertia: [0.1, 0.2, 0.25]}
+  two: {mass: 2, com: [0, 0.2, 0.1], inertia: [0.1, 0.2, 0.25, 0.01, 0.02, 0.03]}
+  three: {mass: 3, com: [0, 0.2, 0.1], inertia: [0.1, 0.2, 0.25]}
+joints:
+  j1: {type: universal, parent: ground, child: one, axis: z, axis2: y, coordinates: [th, th1]}
+  j2: {type: ball, parent: one, child: two, at: [0.2, 0, 0]}
+  j3: {type: revolute, parent: two, child: three, at: [0, 0.2, 0], axis: x, coordinate: q1, rpy: [0.1, 0.2, 0.3]}
+"""
+
+
+def test_no_quantity_is_an_alias_of_an_abbreviation() -> None:
+    document = written(SPATIAL)
+    lines = [
+        line
+        for section in document.sections
+        for block in section.blocks
+        if isinstance(block, Display)
+        for line in block.lines
+    ]
+    assert any(line.where for line in lines)
+    rights = ["".join(line.right) for line in lines]
+    aliases = [x for x in rights if re.fullmatch(r"-?z_\{\d+\}", x)]
+    used = " ".join(x for x in rights if x not in aliases)
+    assert not [x for x in aliases if x.strip("-") not in used]

@@ -139,8 +139,9 @@ def _bodies(doc: Manuscript) -> None:
 def _body(doc: Manuscript, x: Body) -> tuple[Runs, ...]:
     about = f"body {x.name}"
     mass, com = doc.formula(x.mass, about), point(doc, x.com, about)
-    name = Text(names.words(x.name))
-    return (name,), (mass,), (com,), _inertia(doc, x, about), (Text(x.about),)
+    called = dict(doc.system.model.body_symbols).get(x.name)
+    name: Runs = (Text(names.words(x.name)), *((Text(", "), Math(called)) if called else ()))
+    return name, (mass,), (com,), _inertia(doc, x, about), (Text(x.about),)
 
 
 def _inertia(doc: Manuscript, x: Body, about: str) -> Runs:

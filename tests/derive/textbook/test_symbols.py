@@ -124,3 +124,8 @@ def test_no_quantity_is_an_alias_of_an_abbreviation() -> None:
     aliases = [x for x in rights if re.fullmatch(r"-?z_\{\d+\}", x)]
     used = " ".join(x for x in rights if x not in aliases)
     assert not [x for x in aliases if x.strip("-") not in used]
+
+
+def test_the_symbol_of_a_body_stands_beside_its_name() -> None:
+    text = TWINS.replace("b2: {mass: 1,", r"b2: {symbol: '\Upsilon', mass: 1,")
+    assert r"b2, $\Upsilon$ & $1$ &" in article(written(text))

@@ -91,7 +91,7 @@ class Reader:
         self.names, self.decimal = tuple(names), decimal
         self.known: dict[int, Expr] = {}
         self.pieces = 0
-        self.long: set[int] = set()  # entries that are long
+        self.long: set[int] = set()  # entries of the term read last that are long
 
     def whole(self, value: ca.SX, most: int = READABLE) -> list[Expr] | None:
         """Every entry over the basic symbols alone; None where one would have more than `most`
@@ -128,9 +128,12 @@ class Reader:
 
     def name_long(self, value: ca.SX, symbols: Sequence[Expr]) -> None:
         """The same of entries that would have got a name if they were no entries."""
+        if not self.long:
+            return
         for node, symbol in zip(self.graph.read(value), symbols):
             if node in self.long:
                 self.known.setdefault(node, symbol)
+        self.long = set()
 
     def in_pieces(
         self, value: ca.SX, fresh: Callable[[int], sympy.Symbol], most: int = MOST_PIECES
@@ -150,7 +153,14 @@ class Reader:
                 self.pieces += 1
                 pieces.append(Piece(k, fresh(self.pieces), expression))
                 names[k] = self.known[k] = pieces[-1].symbol
-        return pieces, self._expressions(roots, names)
+        alone = {k: self._expressions([k], names) for k in roots if self._is_long(k)}
+        together = iter(self._expressions([k for k in roots if k not in alone], names))
+        return pieces, [alone[k][0] if k in alone else next(together) for k in roots]
+
+    def _is_long(self, k: int) -> bool:
+        """Of an entry: it is read by itself, as a piece would be."""
+        node = self.graph.nodes[k]
+        return k in self.long or (node.op == ca.OP_NEG and node.operands[0] in self.long)
 
     def terms(self, nodes: Sequence[int]) -> ca.SX:
         """The CasADi terms of the given nodes, as a column."""
@@ -181,6 +191,7 @@ class Reader:
         entries = self._entries(roots, uses)
         sizes: dict[int, int] = {}  # operations down to the nearest names
         cuts: list[int] = []
+        self.long = set()
         for k in order:
             node = self.graph.nodes[k]
             sizes[k] = 0

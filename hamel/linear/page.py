@@ -15,6 +15,7 @@ from derive.linearize.sensitivity import Mode, modes
 from derive.linearize.study import Study
 from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.textbook import names as names_of
+from derive.textbook.labels import labels
 from derive.textbook.mathml import mathml
 from derive.textbook.measure import letters
 from derive.textbook.pages import rendered
@@ -152,7 +153,7 @@ def _equations(study: Study, record: Linearized) -> str:
     n = len(record.states)
     A = np.array(record.A).reshape(n, n)[np.ix_(places, places)]
     B = np.array(record.B).reshape(n, len(record.inputs))[places]
-    given = dict(study.equations.system.model.symbols)
+    given = labels(study.equations.system.model)
     states = _column([record.states[k] for k in places], given)
     pieces = [
         rf"\frac{{\mathrm{{d}}}}{{\mathrm{{d}}t}} {states} =",

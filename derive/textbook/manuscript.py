@@ -161,9 +161,13 @@ class Manuscript:
 
     def first(self, subject: str) -> bool:
         """Whether this is the first time that a subject is told in this column of the page."""
-        told = (subject, self.column) in self._told
+        told = self.has_told(subject)
         self._told.add((subject, self.column))
         return not told
+
+    def has_told(self, subject: str) -> bool:
+        """Whether it was told in this column of the page."""
+        return (subject, self.column) in self._told
 
     def display(self, display: Display) -> None:
         """Equations that say how something is computed, and are no terms of the model."""

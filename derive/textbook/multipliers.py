@@ -47,10 +47,14 @@ def _missing(doc: Manuscript) -> ca.SX:
 
 
 def _law(doc: Manuscript) -> None:
+    inverse = "$!A\\,!R=!1$" if doc.w else "the inverse $!R=!A^{-1}$ of its independent rows"
     doc.say(
         "The multipliers are not needed for the motion; they are recovered afterwards. What the "
-        "constraints have to add is $!\\rho=!M\\,!!v+!h-!Q$, and $!A\\,!R=!1$ gives:"
+        f"constraints have to add is $!\\rho=!M\\,!!v+!h-!Q$, and {inverse} gives:"
     )
+    if not doc.w:
+        doc.mean(r"!R", "inverse of the independent rows of $!A$")
+        doc.mean(r"!\rho", "forces of the constraints, $!M\\,!!v+!h-!Q$")
     combined = doc.terms.has("E")
     right = r"!E^T!R^T!\rho" if combined else r"!R^T!\rho"
     doc.law("lambda", r"!\lambda", right, Deferred(lambda: _residual(doc)))

@@ -72,6 +72,7 @@ def _projected_terms(doc: Manuscript) -> None:
     _mass(doc)
     doc.say("The bias collects what is left where $!!w=!0$, the force what is applied:")
     _column_laws(doc)
+    _origins(doc)
     _columns(doc)
 
 
@@ -81,6 +82,22 @@ def _column_laws(doc: Manuscript) -> None:
     whole = doc.terms.named("f_w") if doc.terms.has("f_w") else f_w - h_w
     doc.law("h_w law", r"!h_w", r"!S^T\left(!h + !M\,!\sigma\right)", f_w - h_w - whole)
     doc.law("f_w law", r"!f_w", r"!S^T!Q", f_w - ca.mtimes(doc.terms.named("S").T, doc.system.Q))
+
+
+def _origins(doc: Manuscript) -> None:
+    """What h and σ are, on roads that did without them so far."""
+    if doc.has_told("bias"):
+        return
+    origins = (
+        "Here $!h$ holds velocity products, gravity and potential forces, and $!Q$ what is "
+        "applied, each along its generalized velocity"
+    )
+    doc.mean(r"!M,\; !h,\; !Q", "mass matrix, bias, applied forces")
+    if doc.has_told("accelerations"):
+        doc.say(f"{origins}.")
+        return
+    doc.say(f"{origins}; $!\\sigma$ is $!!v$ where $!!w=!0$.")
+    doc.mean(r"!\sigma", "accelerations where $!!w=!0$, $!!v=!S\\,!!w+!\\sigma$")
 
 
 def _mass(doc: Manuscript) -> None:

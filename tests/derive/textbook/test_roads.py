@@ -360,3 +360,11 @@ def test_what_is_no_symbol_is_said(symbol):
     text = SYMBOLS.replace(r"\hat{x}", symbol)
     with pytest.raises(ModelError, match="is not a symbol"):
         load_text(text)
+
+
+@pytest.mark.parametrize("road", ["kane", "boltzmann_hamel"])
+def test_what_a_road_did_without_is_said_where_it_is_used(road):
+    page = latex(derived("chaplygin_sleigh"), roads=[road])
+    used = page.index(r"\mathbf{h}_w &= ")
+    assert page.index(r"$\mathbf{h}$ holds velocity products") > used
+    assert r"$\mathbf{M},\; \allowbreak \mathbf{h},\; \allowbreak \mathbf{Q}$ & mass matrix" in page

@@ -23,6 +23,7 @@ from hamel.draw.mechanism.notes import Note
 from hamel.draw.mechanism.placing import Ground, placed
 from hamel.draw.mechanism.points import plane_of
 from hamel.draw.mechanism.records import GROUND, Box, Label, Lettering, Mark, Point, Shape, spot
+from hamel.draw.mechanism.ropes import rope_shapes
 from hamel.draw.mechanism.scene import Scene, scene
 from hamel.draw.mechanism.state import Configuration, configuration
 from hamel.draw.mechanism.ties import load_shapes, point_shapes, skates, tie_shapes
@@ -146,7 +147,8 @@ def _extremes(space: Scene) -> list[np.ndarray]:
 def shapes(space: Scene) -> list[Shape]:
     """Everything that bodies carry, back to front."""
     scale = crowding(space)
-    result = tie_shapes(space, scale) + bearings(space, scale) + load_shapes(space, scale)
+    result = tie_shapes(space, scale) + bearings(space, scale)
+    result += load_shapes(space, scale) + rope_shapes(space)
     for index in range(len(space.model.bodies)):
         result += body_shapes(space, index)
     result += point_shapes(space)

@@ -17,7 +17,7 @@ from derive.mechanics.records import System
 from derive.model.constraint_records import Distance, NoSlip, OnSurface, Rolling
 from derive.model.load_records import Bushing, Contact, Force, PointSpring, Tension
 from derive.model.records import GROUND as GROUND_NAME
-from derive.model.records import Closure, Joint, Model, Placement
+from derive.model.records import Closure, Joint, Model, Path, Placement
 from derive.textbook.labels import labels
 from hamel.draw.mechanism.anchors import LOOSE, Anchor
 from hamel.draw.mechanism.points import Bonds, Dial, Loose, bonds, dials, loose_points
@@ -213,14 +213,22 @@ def _held(
             if anchor.type not in LOOSE:
                 held[body + 1].append(anchor.at(side))
     known = {GROUND_NAME: 0} | {name: k for k, name in enumerate(names, 1)}
-    for x in (*model.constraints, *model.loads):
+    for x in (*model.constraints, *model.loads, *paths(model)):
         for body, point in _points(x):
             held[known[body]].append(numbers.vector(point))
     return held
 
 
+def paths(model: Model) -> list[Path]:
+    """Of the model and of its tensions, each once."""
+    named = {path.name: path for path in model.paths}
+    return list(
+        (named | {x.path.name: x.path for x in model.loads if isinstance(x, Tension)}).values()
+    )
+
+
 def _points(x: object) -> list[tuple[str, Sequence[Expression]]]:
-    """Of a constraint or a load: bodies and the points where it takes hold."""
+    """Of a constraint, a load or a path: bodies and the points where it takes hold."""
     match x:
         case Rolling():
             return [(x.body, x.centre)]
@@ -228,8 +236,8 @@ def _points(x: object) -> list[tuple[str, Sequence[Expression]]]:
             return [(x.body, x.point)]
         case Distance() | PointSpring():
             return list(zip(x.bodies, x.points))
-        case Tension():
-            return [(way.body, way.point) for way in x.path.points]
+        case Path():
+            return [(way.body, way.point) for way in x.points]
         case Contact():
             return [(x.body, x.centre)]
         case Bushing():

@@ -66,6 +66,8 @@ STYLES: dict[str, tuple[str, str, float, str]] = {
     "cross": ("ink", "none", 2.2, ""),
     "spring": ("ink", "none", 1.3, ""),
     "damper": ("ink", "none", 1.3, ""),
+    "rope": ("ink", "none", 1.1, ""),
+    "pulley": ("ink", "paper", 1.4, ""),
     "pitch": ("soft", "none", 1.1, "7 3 1.5 3"),
     "curve": ("soft", "none", 1.2, "5 3"),
     "axis": ("soft", "none", 0.9, "7 2.5 1.5 2.5"),

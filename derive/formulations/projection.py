@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from derive.diagnostics import ModelError
 from derive.expressions.scalars import Vector
 from derive.formulations.limits import CLOSED, MOST_STEPS, PER_RADIAN, USUAL
 from derive.formulations.motion import Motion, at_motion, guards_of, labels_of_state
@@ -15,6 +16,7 @@ from derive.formulations.records import Function, Iteration, Result
 from derive.mechanics.records import System
 from derive.numerics import NONZERO
 from derive.states.closing import Kinematics, nominal
+from derive.states.initial import initial_state
 
 
 def positions(system: System) -> int:
@@ -101,13 +103,13 @@ def _turned(system: System, positions: list[int]) -> ca.SX:
 
 
 def _sizes(system: System) -> list[float]:
-    """How large the terms of each φ are at the initial values, as powers of ten; 1 where that is
+    """How large the terms of each φ are at the initial state, as powers of ten; 1 where that is
     not far from one.
 
     A length of a megametre squared cannot be closed to 1e-13, and one of a micrometre would be
     closed too early.
     """
-    q, p = nominal(system), np.array(system.parameters)
+    q, p = _closed(system), np.array(system.parameters)
     J = Kinematics(system).closing_rows(np.zeros(1), q[None], p[None])[1].finite()
     lengths = [abs(x) for c, x in zip(system.model.coordinates, q) if c.unit == "m"]
     longest = max(lengths, default=0.0) or 1.0
@@ -115,6 +117,15 @@ def _sizes(system: System) -> list[float]:
     sizes: NDArray[np.float64] = abs(J) @ np.array(reach)
     powers = np.round(np.log10(np.maximum(sizes, NONZERO)))
     return [1.0 if abs(k) <= USUAL or k < -200 else float(f"1e{int(k)}") for k in powers]
+
+
+def _closed(system: System) -> NDArray[np.float64]:
+    """The initial state's q: at values that are not closed yet, rows may have no slope. Where there
+    is no such state, the values as they are."""
+    try:
+        return initial_state(system).q
+    except ModelError:
+        return nominal(system)
 
 
 def _with_unit_quaternions(system: System, q: ca.SX) -> ca.SX:

@@ -19,14 +19,13 @@ from derive.states.sparse import Sparse, squares
 
 @dataclass(frozen=True)
 class Kinematics:
-    """φ as loops are closed by, A, c and N of a system, evaluated by CasADi; what is compiled is
-    kept."""
+    """φ, A, c and N of a system, evaluated by CasADi; what is compiled is kept."""
 
     system: System
 
     def positions(self, t: float, q: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """φ (m,) and its Jacobian ∂φ/∂q (m, nq). In q and not along v: single coordinates can be
-        held."""
+        """φ (m,), as loops are closed by from afar, and its Jacobian ∂φ/∂q (m, nq). In q and not
+        along v: single coordinates can be held."""
         phi, jacobian = self._positions(t, q, p)
         return phi.full().ravel(), jacobian.full()
 
@@ -134,7 +133,8 @@ class Kinematics:
 
     @cached_property
     def _positions(self) -> ca.Function:
-        return self._function("positions", self.system.assembly, self._jacobian)
+        closing = self.system.assembly
+        return self._function("positions", closing, ca.jacobian(closing, self.system.q))
 
     @cached_property
     def _velocities(self) -> ca.Function:
@@ -142,16 +142,13 @@ class Kinematics:
 
     @cached_property
     def _closing(self) -> ca.Function:
-        along = self._jacobian if self.plain else ca.mtimes(self._jacobian, self.system.N)
-        return self._function("closing", self.system.assembly, along)
+        slopes = ca.jacobian(self.system.phi, self.system.q)
+        along = slopes if self.plain else ca.mtimes(slopes, self.system.N)
+        return self._function("closing", self.system.phi, along)
 
     @cached_property
     def _rates(self) -> ca.Function:
         return self._function("rates", self.system.N)
-
-    @cached_property
-    def _jacobian(self) -> ca.SX:
-        return ca.jacobian(self.system.assembly, self.system.q)
 
 
 def _unpacked(found: ca.DM, pattern: ca.Sparsity, k: int) -> np.ndarray:

@@ -5,14 +5,18 @@ Of derive.states: initial, closing.
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from derive.diagnostics import ModelError
-from derive.model import load
+from derive.formulations import equations
+from derive.formulations.evaluate import evaluator
+from derive.model import load, load_text
 from derive.states import system
 from derive.states.initial import initial_state
 from derive.states.many import starter
+from derive.states.sampling import states
 
 PLANE = """
 model: slab
@@ -112,3 +116,41 @@ def test_what_cannot_be_welded_is_refused_by_name(tmp_path):
     found = _read(tmp_path, text)
     with pytest.raises(ModelError, match=r"no configuration near .* \(c\.x is off by -1\)"):
         initial_state(found)
+
+
+LEANING = """
+model: leaning
+bodies: {b: {mass: 1 kg, inertia: 0.1}}
+parameters: {al: ANGLE deg}
+joints: {loose: {type: free, parent: ground, child: b}}
+closures: {c: {type: KIND, between: [ground, b], at: [[0, 0, 0], [0, 0, 0]], axis: z, rpy: [al, 0, 0]MORE}}
+"""
+
+
+@pytest.mark.parametrize("angle", [90, -90, 180])
+@pytest.mark.parametrize(
+    ("kind", "more"),
+    [
+        ("revolute", ""),
+        ("cylindrical", ""),
+        ("planar", ""),
+        ("screw", ", pitch: 0.1"),
+        ("prismatic", ""),
+    ],
+)
+def test_rows_without_slope_at_the_start_are_closed_as_well_as_others(kind, more, angle):
+    text = LEANING.replace("ANGLE", str(angle)).replace("KIND", kind).replace("MORE", more)
+    found = equations(system(load_text(text)))
+    s, project = found.system, evaluator(found)
+    start = initial_state(s)
+    x = project("state", 0.0, start.whole, np.zeros(0), np.array(s.parameters))
+    value = project("project", 0.0, x, np.zeros(0), np.array(s.parameters))
+    assert np.isfinite(value).all() and np.abs(value - x).max() < 1e-9
+
+
+def test_states_drawn_around_a_slide_that_starts_far_off_are_closed(tmp_path):
+    found = _read(tmp_path, PLANE.format(kind="prismatic", axis=", axis: x", angle=-135))
+    drawn = states(found, 50, seed=0)
+    phi = ca.Function("phi", [found.t, found.q, found.p], [found.phi])
+    off = [np.abs(phi(t, q, p).full()).max() for t, q, p in zip(drawn.t, drawn.q, drawn.p)]
+    assert len(off) == 50 and max(off) < 1e-11

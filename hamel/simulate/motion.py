@@ -11,7 +11,9 @@ import numpy as np
 
 from codegen.integrators import Tableau, integrator_of
 from codegen.runtime.simulation import Simulation, Status
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, listed
+from derive.expressions.tree import ZERO
+from derive.model.records import Model
 from hamel.progress import paced
 from hamel.simulate.inputs import Changes
 from hamel.simulate.libraries import Problem, library_of
@@ -158,6 +160,13 @@ def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> A
         return InputError(str(error))
     if status is Status.JUMP:
         return AssumptionError(str(error), "an event with `stop: true` may end the motion before")
+    round_pulleys = _round_pulleys(equations.system.model)
+    if status is Status.NOT_FINITE and round_pulleys:
+        hint = (
+            f"{listed(round_pulleys)} may have an end within a pulley, where there is no way round "
+            "it: an event with `stop: true` may end the motion before"
+        )
+        return AssumptionError(str(error), hint)
     if not equations.system.rows:  # one choice is as good as another
         hint = (
             "a formula or load may have no value there, such as the direction of a spring between "
@@ -170,6 +179,11 @@ def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> A
         finest = f"an rtol of {FINEST:g} is about the finest that can be checked"
         hint += f"; across a singular position {finest}"
     return AssumptionError(str(error), hint)
+
+
+def _round_pulleys(model: Model) -> list[str]:
+    """The paths that go round one."""
+    return [path.name for path in model.paths if any(x.radius != ZERO for x in path.points)]
 
 
 def status_of(error: FloatingPointError) -> Status:

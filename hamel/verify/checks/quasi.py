@@ -121,11 +121,12 @@ def products(e: Evidence) -> float | None:
 
 
 def antisymmetric(e: Evidence) -> float | None:
-    """Ṁ_w = C + Cᵀ: Sᵀ M S with the reference's M, differentiated along the motion."""
+    """Ṁ_w = C + Cᵀ, per condition number: Sᵀ M S with the reference's M, differentiated along the
+    motion. S bends the more, the smaller a pivot is."""
     if not e.graph.has("coriolis_w"):
         return None
-    rows = zip(e.samples, e.velocities, _coriolis(e), _rounding(e))
-    return worst([_skew(e, s, v, C, rounding) for s, v, C, rounding in rows])
+    rows = zip(e.samples, e.velocities, _coriolis(e), _rounding(e), e.conditions)
+    return worst([_skew(e, s, v, C, rounding) / c for s, v, C, rounding, c in rows])
 
 
 def _coriolis(e: Evidence) -> list[Array]:

@@ -62,3 +62,25 @@ def test_so_do_many_motions(rope, tmp_path, monkeypatch, numpy):
         assert not np.any(module.simulate((0.0, 0.1), x).status)
     with pytest.raises(module.Stopped, match=r"at t = 0\.9549.*: a constraint jumps here"):
         module.simulate((0.0, 1.2), start)
+
+
+INWARDS = """
+model: inwards
+plane: xy
+bodies: {A: {mass: 1 kg, inertia: 0.1}}
+joints: {ja: {type: planar, parent: ground, child: A, coordinates: [x, y, a]}}
+paths:
+  rope:
+    - {body: ground, at: [1, -0.3]}
+    - {body: ground, at: [0, 0], pulley: {radius: 0.4, side: left}}
+    - {body: A}
+loads: {k: {type: tension, path: rope, tension: 3 N}}
+initial: {x: -1 m, ja.vx: 5 m/s}
+"""
+
+
+def test_an_end_that_comes_within_its_pulley_is_told(tmp_path):
+    path = tmp_path / "inwards.yaml"
+    path.write_text(INWARDS)
+    with pytest.raises(AssumptionError, match="rope may have an end within a pulley"):
+        hamel.simulate(path, time=2.0)

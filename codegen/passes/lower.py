@@ -12,6 +12,7 @@ import functools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 from codegen.passes.graph import (
     ONE,
@@ -67,7 +68,7 @@ class Code:
         key = (name, operands)
         place = self._places.get(key)
         if place is None:
-            place = self._append(key, Operation(name, operands), operands)
+            place = self._append(key, Operation(name, operands), cast(tuple[int, ...], operands))
         return place
 
     def _put_with_numbers(self, name: str, operands: tuple[Operand, ...]) -> int:

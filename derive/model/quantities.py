@@ -47,7 +47,7 @@ def plus(*terms: Expression) -> Expression:
     rest: list[Expression] = [term for term in terms if not isinstance(term, Number)]
     if len(units) == 1:
         value = math.fsum(number.value for number in numbers)
-        numbers = [Number(value, *units, numbers[0].at)] if value != 0.0 else []
+        numbers = [Number(value, units.pop(), numbers[0].at)] if value != 0.0 else []
     parts = [*rest, *numbers]
     return ZERO if not parts else parts[0] if len(parts) == 1 else Sum(tuple(parts), parts[0].at)
 

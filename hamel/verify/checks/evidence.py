@@ -191,11 +191,11 @@ class Evidence:
         return tuple(self._beside(s, way) for s, way in zip(self.samples, ways))
 
     def _beside(self, s: Sample, way: Array) -> State:
-        for size in NEARER:
-            beside = state_of(self.reference, s.t, s.q + size * way, s.v, s.u, s.full)
-            if np.isfinite(self.kinematics(beside).phi).all():
-                break
-        return beside
+        def moved(size: float) -> State:
+            return state_of(self.reference, s.t, s.q + size * way, s.v, s.u, s.full)
+
+        places = map(moved, NEARER)
+        return next((x for x in places if np.isfinite(self.kinematics(x).phi).all()), moved(FAR))
 
     @cached_property
     def astray(self) -> tuple[Array, ...]:

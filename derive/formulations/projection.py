@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import HamelError
 from derive.expressions.scalars import Vector
 from derive.formulations.limits import CLOSED, MOST_STEPS, PER_RADIAN, USUAL
 from derive.formulations.motion import Motion, at_motion, guards_of, labels_of_state
@@ -124,7 +124,7 @@ def _closed(system: System) -> NDArray[np.float64]:
     is no such state, the values as they are."""
     try:
         return initial_state(system).q
-    except ModelError:
+    except HamelError:
         return nominal(system)
 
 

@@ -1,6 +1,9 @@
 """The tolerances and limits of assembling and solving, with unit and reason; relative where nothing
 else is said."""
 
+# closures
+HALF_A_TURN = 1e-12  # 1 + tr R up to which two frames are half a turn apart
+
 # solve
 SAFE = 0.5  # a pivot whose least value is at least this part of its largest is taken as it is
 BETTER = 3.0  # a larger block has to stay this much farther from zero to be preferred

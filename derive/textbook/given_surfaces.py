@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import casadi as ca
 import sympy
 
 from derive.expressions.evaluate import value
 from derive.expressions.tree import Expression
-from derive.model.records import Vector3
+from derive.model.constraint_records import Rolling
+from derive.model.load_records import Contact
 from derive.textbook.convert import Reader
 from derive.textbook.layout import is_long, rounded
 from derive.textbook.manuscript import Manuscript
@@ -18,49 +17,10 @@ from derive.textbook.records import Math, Runs
 from derive.textbook.sentences import AXES, called, measured, point
 from derive.textbook.typeset import Typesetter
 
-
-class Ground(Protocol):
-    """What rolling bodies and contacts say of what they touch."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def carrier(self) -> str: ...
-
-    @property
-    def origin(self) -> Vector3: ...
-
-    @property
-    def normal(self) -> Vector3: ...
-
-    @property
-    def surface(self) -> Expression | None: ...
+Touching = Rolling | Contact
 
 
-class Round(Protocol):
-    """What they say of their shape."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def body(self) -> str: ...
-
-    @property
-    def centre(self) -> Vector3: ...
-
-    @property
-    def shape(self) -> str: ...
-
-    @property
-    def radius(self) -> Expression: ...
-
-    @property
-    def axis(self) -> Vector3: ...
-
-
-def touched(doc: Manuscript, x: Ground) -> Runs:
+def touched(doc: Manuscript, x: Touching) -> Runs:
     """The plane or surface; in a planar model a line or curve."""
     if x.surface is not None:
         return surface(doc, x.surface, x.carrier)
@@ -103,7 +63,7 @@ def _over_letters(doc: Manuscript, formula: Expression, letters: str) -> str:
     return Typesetter(notation.latex | shown, len(notation.p)).latex(rounded(read[0]))
 
 
-def shape(doc: Manuscript, x: Round, tube: Expression | None = None) -> Runs:
+def shape(doc: Manuscript, x: Touching, tube: Expression | None = None) -> Runs:
     """What of the body touches; a wheel and a knife edge are thin disks."""
     return runs(
         _shape(doc, x),
@@ -115,7 +75,7 @@ def shape(doc: Manuscript, x: Round, tube: Expression | None = None) -> Runs:
     )
 
 
-def _shape(doc: Manuscript, x: Round) -> str:
+def _shape(doc: Manuscript, x: Touching) -> str:
     if x.shape == "point":
         return "the point of {body} at {centre}"
     if x.shape == "sphere":

@@ -349,7 +349,7 @@ class Ring:
 
 def _cancels(total: Exact, before: Exact) -> bool:
     """Whether what is left of a difference of computed numbers is their rounding."""
-    return total.denominator > FINE and abs(total) < abs(before) * _ROUNDING
+    return total.denominator > FINE and abs(total) < abs(before) * Fraction(ROUNDING)
 
 
 def tidied(poly: Poly) -> Poly:
@@ -379,7 +379,6 @@ def _oriented(freq: Frequencies) -> tuple[Frequencies, int]:
 
 
 _HALF = Fraction(1, 2)
-_ROUNDING = Fraction(1, 10**14)
 
 
 def _trig_product(a: Trig, b: Trig) -> list[tuple[Trig, Exact]]:

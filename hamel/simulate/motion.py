@@ -160,10 +160,10 @@ def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> A
         return InputError(str(error))
     if status is Status.JUMP:
         return AssumptionError(str(error), "an event with `stop: true` may end the motion before")
-    round_pulleys = _round_pulleys(equations.system.model)
-    if status is Status.NOT_FINITE and round_pulleys:
+    pulled = _over_pulleys(equations.system.model)
+    if status is Status.NOT_FINITE and pulled:
         hint = (
-            f"{listed(round_pulleys)} may have an end within a pulley, where there is no way round "
+            f"{listed(pulled)} may have an end within a pulley, where there is no way round "
             "it: an event with `stop: true` may end the motion before"
         )
         return AssumptionError(str(error), hint)
@@ -181,7 +181,7 @@ def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> A
     return AssumptionError(str(error), hint)
 
 
-def _round_pulleys(model: Model) -> list[str]:
+def _over_pulleys(model: Model) -> list[str]:
     """The paths that go round one."""
     return [path.name for path in model.paths if any(x.radius != ZERO for x in path.points)]
 

@@ -14,6 +14,7 @@ from derive.joints.rotations import (
 )
 from derive.mechanics.frames import axes_in_plane, closure_frames
 from derive.mechanics.gaps import gap
+from derive.mechanics.limits import HALF_A_TURN
 from derive.mechanics.links import placement
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
 from derive.mechanics.rows import block_of_positions
@@ -25,7 +26,6 @@ from derive.model.records import (
 
 PARALLEL = ((0, 2), (1, 2))  # the second axis stays at right angles to the first frame's other two
 LOCKED = (*PARALLEL, (1, 0))
-HALF_A_TURN = 1e-12  # 1 + tr R up to which frames are half a turn apart
 
 
 def meeting(scene: Scene, closure: Closure) -> Block:

@@ -13,13 +13,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from derive.mechanics.scene import IN_PLANE
 from derive.model.records import Path, Waypoint
 from hamel.draw.mechanism.records import Shape, Spot, Vector, spot
 from hamel.draw.mechanism.scene import Scene, paths
 from hamel.draw.mechanism.solids import ring
 from hamel.draw.mechanism.vectors import across, cross
 
-PLANES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 STEP = math.radians(12.0)  # of an arc
 
 
@@ -39,7 +39,9 @@ def rope_shapes(scene: Scene) -> list[Shape]:
     for path in paths(scene.model):
         circles = [_circle(scene, way) for way in path.points]
         shapes += [_pulley(scene, way) for way, x in zip(path.points, circles) if x.rho]
-        shapes += _in_plane(scene, circles) if scene.model.plane else _in_space(scene, path)
+        shapes += (
+            _in_plane(scene, circles) if scene.model.plane else _in_space(scene, path, circles)
+        )
     return shapes
 
 
@@ -72,9 +74,8 @@ def _straight(scene: Scene, circles: Sequence[_Circle]) -> list[Shape]:
     ]
 
 
-def _in_space(scene: Scene, path: Path) -> list[Shape]:
+def _in_space(scene: Scene, path: Path, circles: Sequence[_Circle]) -> list[Shape]:
     """Point to point, with at most one cylinder between two points."""
-    circles = [_circle(scene, way) for way in path.points]
     shapes: list[Shape] = []
     for k, (first, second) in enumerate(pairwise(circles)):
         if first.rho:
@@ -113,7 +114,7 @@ def _carried(scene: Scene, circle: _Circle, at: Vector) -> Spot:
 
 
 def _in_plane(scene: Scene, circles: Sequence[_Circle]) -> list[Shape]:
-    axes = PLANES[scene.model.plane]
+    axes = IN_PLANE[scene.model.plane]
     ways = [_direction(a, b, axes) for a, b in pairwise(circles)]
     if not all(np.isfinite(way).all() for way in ways):  # an end is within its pulley
         return _straight(scene, circles)
@@ -130,7 +131,7 @@ def _in_plane(scene: Scene, circles: Sequence[_Circle]) -> list[Shape]:
     return shapes
 
 
-def _direction(a: _Circle, b: _Circle, axes: tuple[int, int]) -> Vector:
+def _direction(a: _Circle, b: _Circle, axes: tuple[int, ...]) -> Vector:
     """Of the line that touches both: u = (t c − δ e × c)/(c · c); not finite where there is
     none."""
     c = (b.centre - a.centre)[list(axes)]
@@ -140,7 +141,7 @@ def _direction(a: _Circle, b: _Circle, axes: tuple[int, int]) -> Vector:
     return (math.sqrt(square - delta * delta) * c - delta * np.array([-c[1], c[0]])) / square
 
 
-def _touched(circle: _Circle, way: Vector, axes: tuple[int, int]) -> Vector:
+def _touched(circle: _Circle, way: Vector, axes: tuple[int, ...]) -> Vector:
     """Where a line of that direction touches: the centre is on its left for a positive radius."""
     at = circle.centre.copy()
     at[list(axes)] -= circle.rho * np.array([-way[1], way[0]])

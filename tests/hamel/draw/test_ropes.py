@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from derive.expressions.tree import ZERO
 from derive.model import load, load_text
 from derive.states import system
 from hamel.draw.mechanism import figure
@@ -47,6 +48,12 @@ outputs: {o: length(p)}
 """
 
 
+def ends_of(scene, path):
+    """In the ground."""
+    ways = [way for way in path.points if way.radius == ZERO]
+    return [scene.pose(scene.index(x.body)).point(scene.numbers.vector(x.point)) for x in ways]
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -68,6 +75,9 @@ def test_what_is_drawn_is_as_long_as_the_path(text):
         for shape in rope_shapes(scene)
         if shape.style == "rope"
     ]
+    corners = np.array([points[k] for points in drawn for k in (0, -1)])
+    for end in ends_of(scene, mechanics.model.paths[0]):
+        assert np.linalg.norm(corners - end, axis=1).min() < 1e-12
     length = sum(np.linalg.norm(np.diff(points, axis=0), axis=1).sum() for points in drawn)
     (_, value, _), *_ = mechanics.outputs
     wanted = float(ca.Function("length", [mechanics.q, mechanics.p], [value])(state.q, state.p))

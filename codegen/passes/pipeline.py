@@ -18,19 +18,7 @@ from codegen.passes.lower import Lowered
 from codegen.passes.names import Names, identifier
 from codegen.passes.roll import AUTO, NEVER, is_sure, refusal, rolled
 from codegen.passes.schedule import schedule
-from codegen.passes.selection import (
-    chart_suffix,
-    check_size,
-    enforcement_needs,
-    for_charts,
-    in_chart,
-    integrator_needs,
-    loops_asked,
-    selection,
-    spelled_out,
-    usual_enforcements,
-    watched_functions,
-)
+from codegen.passes.selection import chart_suffix, contents, spelled_out
 from codegen.passes.split import is_long, split
 from codegen.passes.steppers import with_steppers
 from codegen.passes.taylor import SERIES, check_series, series_refusal
@@ -86,39 +74,14 @@ def program(
     named, integrators = integrators, spelled_out(integrators)
     if SERIES in named and roll == AUTO:
         roll = NEVER  # loops over links have no recurrences
-    chosen, loops = selection(equations, functions, roll), loops_asked(equations, functions)
-    if equations.frame:  # what keeps the frame, and gives its numbers, comes with dynamics
-        chosen = selection(equations, ["dynamics", *(function.name for function in chosen)], roll)
-    simulates = any(function.name == "dynamics" for function in chosen)
-    if simulates:
-        enforcements = usual_enforcements(chosen) if enforcements is None else enforcements
-        watched = watched_functions(equations)
-        further = (
-            *integrator_needs(integrators),
-            *enforcement_needs(equations, enforcements),
-            *watched,
-        )
-        chosen = selection(equations, [*(function.name for function in chosen), *further])
-        called = {*further, *(name for loop in loops for name in loop.needs[1:])}
-        check_size([function for function in chosen if function.name in called])
-    charts = (equations, *equations.charts)
-    if len(charts) > 1 or equations.frame:
-        chosen = selection(
-            equations, [*(function.name for function in chosen), *for_charts(equations)]
-        )
-    emitted = [(equations, function) for function in chosen]
-    emitted += [
-        (chart, f)
-        for number, chart in enumerate(charts[1:], 1)
-        for f in in_chart(equations, chosen, chart, number)
-    ]
+    held = contents(equations, functions, integrators, enforcements, roll)
     kernels: list[Kernel] = []
     ledger: list[Entry] = []
     turning = _Turning(
-        len(arguments[1].names) - len(equations.w) - len(equations.z) if simulates else 0
+        len(arguments[1].names) - len(equations.w) - len(equations.z) if held.simulates else 0
     )
     rolling: list[tuple[str, str]] = []
-    for source, function in emitted:
+    for source, function in held.emitted:
         kernel, entries, how = _straight_or_rolled(source, function, turning, roll)
         if how:
             rolling.append((function.name, how))
@@ -143,15 +106,15 @@ def program(
         positions=positions(equations.system),
         nominal=initial(equations),
         left_out=_left_out(equations, arguments, kernels),
-        integrators=tuple(integrators) if simulates else (),
-        enforcements=tuple(enforcements or ()) if simulates else (),
+        integrators=tuple(integrators) if held.simulates else (),
+        enforcements=held.enforcements,
         turning=turning.found,
-        frame=len(equations.frame.labels) if equations.frame and simulates else 0,
-        events=_events(equations) if simulates else (),
-        charts=_charts(charts),
+        frame=len(equations.frame.labels) if equations.frame and held.simulates else 0,
+        events=_events(equations) if held.simulates else (),
+        charts=_charts((equations, *equations.charts)),
         rolling=tuple(rolling),
     )
-    result = with_steppers(result, loops)
+    result = with_steppers(result, held.loops)
     if SERIES in named and result.integrators:
         check_series(result)
     # by name it was asked for and refused above; as a part of `auto` it is left out

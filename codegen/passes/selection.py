@@ -4,7 +4,7 @@ the enforcements and the charts need."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
 from codegen.passes.roll import NEVER, refusal
@@ -19,6 +19,50 @@ MOST_ON_STACK = 60_000  # entries of a matrix that is factored while stepping
 MOST_ENTRIES = 10_000  # of a matrix that nobody asked for
 
 
+@dataclass(frozen=True)
+class Contents:
+    """`emitted`: functions, each with the equations of its chart. `loops`: what was asked for and
+    is a loop around others. `simulates`: there are equations of motion, and what steps need."""
+
+    emitted: tuple[tuple[Equations, Function], ...]
+    loops: tuple[Request, ...]
+    simulates: bool
+    enforcements: tuple[str, ...]
+
+
+def contents(
+    equations: Equations,
+    names: Sequence[str] | None,
+    integrators: Sequence[str],
+    enforcements: Sequence[str] | None,
+    roll: str,
+) -> Contents:
+    """What a program of these functions, integrators and enforcements holds. Raises HamelError for
+    a name that the model does not know, AssumptionError where a Jacobian is too large."""
+    chosen, loops = selection(equations, names, roll), loops_asked(equations, names)
+    if equations.frame:  # what keeps the frame, and gives its numbers, comes with dynamics
+        chosen = selection(equations, ["dynamics", *_names(chosen)], roll)
+    simulates = any(function.name == "dynamics" for function in chosen)
+    if simulates:
+        enforcements = usual_enforcements(chosen) if enforcements is None else enforcements
+        needs = [*integrator_needs(integrators), *enforcement_needs(equations, enforcements)]
+        needs += watched_functions(equations)
+        chosen = selection(equations, [*_names(chosen), *needs])
+        called = {*needs, *(name for loop in loops for name in loop.needs[1:])}
+        check_size([function for function in chosen if function.name in called])
+    if equations.charts or equations.frame:
+        chosen = selection(equations, [*_names(chosen), *for_charts(equations)])
+    emitted = [(equations, function) for function in chosen]
+    for number, chart in enumerate(equations.charts, 1):
+        emitted += [(chart, own) for own in in_chart(equations, chosen, chart, number)]
+    kept = tuple(enforcements or ()) if simulates else ()
+    return Contents(tuple(emitted), loops, simulates, kept)
+
+
+def _names(functions: Sequence[Function]) -> list[str]:
+    return [function.name for function in functions]
+
+
 def spelled_out(integrators: Sequence[str]) -> tuple[str, ...]:
     """With what `auto` stands for."""
     names = [name for word in integrators for name in (AUTOMATIC if word == AUTO else (word,))]
@@ -29,13 +73,13 @@ def watched_functions(equations: Equations) -> list[str]:
     """Pivots that can vanish, and by what to tell whether the constraints or the choice fail
     then; kinks and events."""
     known = [request.name for request in equations.requests]
-    guarded = any("guards" in _names_of(chart) for chart in (equations, *equations.charts))
+    guarded = any("guards" in _requested(chart) for chart in (equations, *equations.charts))
     events = [function.name for function in equations.functions if function.name == "events"]
     steps = [x for x in ("guards", "constraint_rows") if guarded and x in known]
     return [*steps, *(x for x in ("kinks",) if x in known), *events]
 
 
-def _names_of(equations: Equations) -> list[str]:
+def _requested(equations: Equations) -> list[str]:
     return [request.name for request in equations.requests]
 
 

@@ -17,6 +17,7 @@ from derive.joints.rotations import is_zero
 from derive.mechanics.analytic import Lagrangian, lagrangian
 from derive.mechanics.blocks import blocks
 from derive.mechanics.carriers import carried
+from derive.mechanics.energies import Energies
 from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
@@ -40,14 +41,9 @@ from derive.mechanics.motion import (
 from derive.mechanics.outputs import outputs
 from derive.mechanics.records import Inertia, Link, RowForm, System
 from derive.mechanics.scene import Block, Scene
-from derive.mechanics.states import energy_of_states, rates_of_states
+from derive.mechanics.states import rates_of_states
 from derive.mechanics.symbols import Symbols, symbols
-from derive.mechanics.tree import (
-    gravity_energy,
-    kinetic_energy,
-    mass_matrix,
-    path,
-)
+from derive.mechanics.tree import mass_matrix, path
 from derive.model.load_records import Exhaust
 from derive.model.records import Model
 
@@ -107,41 +103,15 @@ def _assembled(
     A, c, beta = _rows(scene, [row for block in found for row in block.ways[0]])
     phi = _stacked(x for block in found for x in block.phi)
     assembly = _stacked(x for block in found for x in block.closing)
-    zdot, stored = rates_of_states(scene), energy_of_states(scene)
-
-    def bias() -> ca.SX:
-        forces = joint_forces_of_motion(seen(), _entries(s.v), [0.0] * nv, g)
-        return _column(forces) + extra.h
-
-    @functools.cache
-    def moving() -> ca.SX:
-        return ca.SX(kinetic_energy(links, scene.numbers))
-
-    def kinetic() -> ca.SX:
-        return moving() + extra.T
-
-    def potential() -> ca.SX:
-        lifted = ca.SX(gravity_energy(links, scene.positions, scene.rotations, g))
-        still = lifted + extra.V + loads.energy
-        return still + stored if model.states else still
-
     # q̇ is linear in v, so its Jacobian is N itself
     N = ca.jacobian(scene.qdot, s.v)
     # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q
     Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
-    h, T, V = (functools.cache(x) for x in (bias, kinetic, potential))
+    of = Energies(scene, loads, extra, g, rates_of_states(scene), late)
 
-    def balanced() -> ca.SX:
-        # T₂ − T₀ + V = T + V − (T₁ + 2 T₀): where rates are prescribed T + V is not conserved
-        total = T() + V()
-        return total if extra.missing.is_zero() else total - extra.missing
-
-    def power() -> ca.SX:
-        # of a long tree the links are left out: neither they nor gravity change with time. Where a
-        # mass depends on t, M v̇ has no part Ṁ v: what leaves takes ½ ṁ v² along
-        told = extra.V + loads.energy if late else V() + moving()
-        given = ca.dot(loads.force, s.v) + ca.jtimes(ca.SX(told), s.t, ca.SX(1)) - extra.explicit
-        return given + ca.jtimes(stored, s.z, zdot) if model.states else given
+    def bias() -> ca.SX:
+        forces = joint_forces_of_motion(seen(), _entries(s.v), [0.0] * nv, g)
+        return _column(forces) + extra.h
 
     def term(make: Callable[[], ca.SX], size: int = 1) -> ca.SX | Deferred[ca.SX]:
         return Deferred(make, size) if late else make()
@@ -160,18 +130,18 @@ def _assembled(
         qdot=scene.qdot,
         N=N,
         M=M,
-        h=term(h, nv),
+        h=term(functools.cache(bias), nv),
         Q=Q,
         phi=phi,
         assembly=assembly,
         A=A,
         c=c,
         beta=beta,
-        T=term(T),
-        V=term(V),
-        energy=term(balanced),
+        T=term(lambda: of.kinetic),
+        V=term(lambda: of.potential),
+        energy=term(lambda: of.balanced),
         homogeneous=extra.missing.is_zero(),
-        power=term(power),
+        power=term(lambda: of.power),
         outputs=measured,
         events=events(scene, measured),
         rows=tuple(row for block in found for row in block.rows),
@@ -190,7 +160,7 @@ def _assembled(
         names=(),
         assumptions=model.notes,
         z=s.z,
-        zdot=zdot,
+        zdot=of.zdot,
     )
     return result, nonideal
 

@@ -1,8 +1,8 @@
 """The System against Lagrange's equations written from positions alone, and against its own
 definitions.
 
-Of derive.mechanics: accelerations, analytic, articulated, blocks, constraints, events, forms,
-frames, motion, outputs, rows, scene, symbols.
+Of derive.mechanics: accelerations, analytic, articulated, blocks, constraints, energies, events,
+forms, frames, motion, outputs, rows, scene, symbols.
 Of derive.mechanics.closures: ball, cylindrical, fixed, planar, prismatic, revolute, screw,
 universal.
 Of derive.mechanics.constraints: distance, holonomic, no_slip, nonholonomic, point_on_surface,

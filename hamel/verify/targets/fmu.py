@@ -170,13 +170,17 @@ class _Fmu:
 
 
 def _group(variable: Any, states: set[int]) -> str:
+    """Parameters, inputs and outputs may have such names, too: what came later has a number."""
     if variable.causality == "output" and variable.valueReference not in states:
         return "outputs"
-    if variable.name in ("kinetic_energy", "potential_energy"):
+    name = variable.name.split(" (")[0]
+    if variable.causality != "local" or variable.initial != "calculated":
+        return "none"
+    if name in ("kinetic_energy", "potential_energy"):
         return "energy"
-    if variable.name.startswith("reaction "):
+    if name.startswith("reaction "):
         return "reactions"
-    return "power" if variable.name == "power" else "none"
+    return "power" if name == "power" else "none"
 
 
 def _start(subject: Subject, description: Any) -> Array:

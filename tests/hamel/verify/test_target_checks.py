@@ -9,6 +9,7 @@ import importlib.util
 
 import pytest
 
+import hamel
 from codegen.compiler import find_compiler
 from hamel.build.targets import target_checks
 from hamel.verify.targets import Subject
@@ -35,3 +36,26 @@ def test_what_a_python_package_carries_is_checked(cart_pole, target):
     results = list(check.run(cart_pole))
     assert len(results) >= 2
     assert [result.name for result in results if not result.passed] == []
+
+
+POWER = """
+model: powered
+plane: xy
+parameters: {power: 2 N*m}
+bodies: {B: {mass: 1 kg, inertia: 0.1 kg*m^2}}
+joints: {J: {type: revolute, parent: ground, child: B, coordinate: q}}
+loads: {L: {type: expression, joint: J, expression: power}}
+"""
+
+
+@pytest.mark.parametrize("target", ["fmu", "fmu2"])
+def test_a_parameter_may_have_the_name_of_a_result(target, tmp_path, monkeypatch):
+    """The variable of the power is then called `power (2)`."""
+    pytest.importorskip("fmpy")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    file = tmp_path / "powered.yaml"
+    file.write_text(POWER)
+    built = hamel.build(
+        file, out=tmp_path / "powered", targets=[target], functions=["dynamics", "power"]
+    )
+    assert "values" in built.targets[target]

@@ -29,6 +29,7 @@ FLOATS = r"(divide by zero|overflow|underflow|invalid value) encountered"
 def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
     """Run `command` and return the exit code; errors go to standard error or, with --json, to
     standard output as one object."""
+    _open_streams()
     try:
         warnings.formatwarning = _once(set())
         warnings.filterwarnings("ignore", FLOATS, RuntimeWarning)
@@ -37,9 +38,7 @@ def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except BrokenPipeError:
-        # Nobody reads on; give the interpreter somewhere to flush to when it ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return PIPE
+        return _unread()
     except (KeyboardInterrupt, click.Abort):
         return _report((Diagnostic(message="interrupted"),), INTERRUPTED, arguments)
     except HamelError as error:
@@ -55,6 +54,19 @@ def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
         if "--debug" in arguments:
             raise
         return _report((_internal(error),), INTERNAL, arguments)
+
+
+def _open_streams() -> None:
+    """Where whoever started the process has closed one, what is printed there goes nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
+
+
+def _unread() -> int:
+    """Nobody reads on: the interpreter gets somewhere to flush to when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return PIPE
 
 
 def _once(said: set[str]) -> Callable[..., str]:
@@ -97,11 +109,16 @@ def _internal(error: Exception) -> Diagnostic:
 def _report(problems: Sequence[Diagnostic], code: int, arguments: Sequence[str]) -> int:
     if "--json" in arguments:
         first, *more = [_as_json(problem) for problem in problems]
-        print(json.dumps({"error": first, "exit_code": code, "more": more}))
-    else:
-        print(HamelError(problems), file=sys.stderr)
-        if "--debug" in arguments:
-            traceback.print_exc()
+        try:
+            print(json.dumps({"error": first, "exit_code": code, "more": more}), flush=True)
+            return code
+        except BrokenPipeError:
+            return _unread()
+        except OSError:  # it is full: then on standard error, in words
+            pass
+    print(HamelError(problems), file=sys.stderr)
+    if "--debug" in arguments:
+        traceback.print_exc()
     return code
 
 

@@ -205,7 +205,9 @@ def _least(survey: Survey, task: Task, rows: Sequence[RowForm]) -> tuple[Reducti
     for tree in system.carried if system.rows and not survey.combines else ():
         over = _rows_over(system, tree, rows)
         try:
-            found.append(_shortest(task, [Way(tree, x, over) for x in ways_of(tree.blocks)]))
+            found.append(
+                _shortest(task, [Way(tree, x, over) for x in ways_of(survey.whole(tree.blocks))])
+            )
         except (Dependent, Undetermined):
             continue  # the system's own velocities will do
     results = [(x, explicit(system, x)) for _, x in found]
@@ -219,10 +221,9 @@ def _least(survey: Survey, task: Task, rows: Sequence[RowForm]) -> tuple[Reducti
 
 
 def _shortest(task: Task, ways: Sequence[Way]) -> tuple[Way, Reduction]:
-    """Of the ways of writing the rows that say as much as the first (of rows that repeat each
-    other, others may be the ones to drop about other axes) the one with the safest pivots, then
-    the one that gives v and v̇ with the fewest operations, for what follows hardly differs. Of very
-    many rows the first tell."""
+    """Of the ways of writing the rows the one with the safest pivots, then the one that gives v and
+    v̇ with the fewest operations, for what follows hardly differs. Of very many rows the first
+    tell."""
     if len(ways) > 1 and len(ways[0].rows) > TELLING:
         return _carried_through(task, _by_their_first_rows(task, ways), 1)[0]
     found = _carried_through(task, ways, len(ways))

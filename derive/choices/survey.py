@@ -38,6 +38,9 @@ from derive.states.initial import initial_state
 from derive.states.sampling import States, no_states, row_lengths, states
 from derive.states.sparse import Sparse, clearly_independent, lengths_over_states, squares, stacked
 
+# of closures and constraints: each in several ways of writing its rows
+Blocks = Sequence[Sequence[Sequence[RowForm]]]
+
 
 @dataclass(frozen=True)
 class Survey:
@@ -195,13 +198,25 @@ class Survey:
     def forms(self) -> list[list[RowForm]]:
         """The rows to eliminate, in every way of writing them."""
         if not self.combines:
-            return ways_of(self.system.blocks)
+            return ways_of(self.whole(self.system.blocks))
         rows = [row for block in self.system.blocks for row in block[0]]
         combined = [k for k, i in enumerate(self.kept) if i in self.grouped]
         return [
             [row for i, row in enumerate(rows) if i not in self.grouped]
             + [self.independent_rows.form(k) for k in combined]
         ]
+
+    def whole(self, blocks: Blocks) -> Blocks:
+        """Of a block of which not all rows are kept the first way alone: beside the constraints
+        single rows of another way hold something else."""
+        result: list[Sequence[Sequence[RowForm]]] = []
+        first = 0
+        for block in blocks:
+            last = first + len(block[0])
+            kept = sum(first <= i < last for i in self.kept)
+            result.append(block if kept == last - first else block[:1])
+            first = last
+        return result
 
     @cached_property
     def form_sizes(self) -> list[float]:
@@ -269,7 +284,7 @@ def survey_of(system: System, moving: bool = False) -> Survey:
     return result
 
 
-def ways_of(blocks: Sequence[Sequence[Sequence[RowForm]]]) -> list[list[RowForm]]:
+def ways_of(blocks: Blocks) -> list[list[RowForm]]:
     """The rows of all blocks in every way of writing them: all combinations while they are few,
     else the same way for all blocks."""
     return [
@@ -277,7 +292,7 @@ def ways_of(blocks: Sequence[Sequence[Sequence[RowForm]]]) -> list[list[RowForm]
     ]
 
 
-def _ways(blocks: Sequence[Sequence[Sequence[RowForm]]]) -> list[tuple[int, ...]]:
+def _ways(blocks: Blocks) -> list[tuple[int, ...]]:
     """Index of the way of writing per block."""
     counts = [len(block) for block in blocks]
     if np.prod(counts, dtype=float) <= MOST_WAYS:

@@ -411,13 +411,20 @@ def slopes_of(system: System, motion: Motion, of: _Known) -> Slopes:
 
 def of_reduction(system: System, motion: Motion) -> Iterator[Slopes]:
     """The slopes through constraints and a choice, with ∂v and ∂v̇ in closed form and, as the
-    second way, differentiated."""
+    second way, differentiated.
+
+    Where rows that repeat others are combined, E A v̇ = E β is the rate of E A v = E c on the
+    constraints alone, so that there is no closed form for every choice.
+    """
     minimal = motion.minimal
     if minimal is None or not motion.names:
         return
-    if minimal.A.size1() != minimal.lam.numel():  # rows that repeat others are combined
+    ways = [_carried, _differentiated]
+    if minimal.A.size1() != minimal.lam.numel():
         minimal = replace(minimal, lam=_multipliers(system, motion, minimal))
-    for carried in (_carried(system, motion, minimal), _differentiated(system, motion, minimal)):
+        ways = [_differentiated]
+    for way in ways:
+        carried = way(system, motion, minimal)
         for inertias in system.inertias:
             yield _through(system, motion, minimal, carried, inertias)
 

@@ -314,6 +314,26 @@ def test_closed_pipe():
     assert reading.wait() == failures.PIPE
 
 
+@pytest.mark.parametrize("command", [("list",), ("--help",), ("check", "--json", SNAKE)])
+def test_a_closed_output_is_no_error(command):
+    """What is printed goes nowhere then, and the work is done."""
+    words = [sys.executable, "-m", "hamel", *command]
+    closed = subprocess.run(
+        ["sh", "-c", 'exec "$@" >&- 2>&-', "sh", *words], env=ENVIRONMENT, check=False
+    )
+    assert closed.returncode == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full device")
+@pytest.mark.parametrize("command", [("list", "--json"), ("check", "--json", "no-such-file.yaml")])
+def test_a_full_output_is_told_in_words(command):
+    with Path("/dev/full").open("w") as full:
+        said = spawn(*command, stdout=full, stderr=subprocess.PIPE)
+        words = said.stderr.read()
+    assert words.count("\n") == 1 and words.removesuffix("\n") and "Traceback" not in words
+    assert said.wait() == (3 if command[0] == "list" else 1)
+
+
 def test_a_terminal_without_greek():
     environment = {**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}
     said = subprocess.run(

@@ -85,7 +85,7 @@ class Symbols:
         arguments = [self.t, self.q, self.r, self.v, self.u, self.p, self.m, self.mr]
         at = sympy.lambdify(
             arguments,
-            [sympy.sympify(entry) for entry in entries],
+            [_without_impulses(sympy.sympify(entry)) for entry in entries],
             modules=[numeric(self.tables), "numpy"],
             cse=True,
         )
@@ -96,6 +96,11 @@ class Symbols:
             return np.array(at(s.t, s.q, s.rates, s.v, s.u, s.p, m, mr), dtype=float)
 
         return evaluate
+
+
+def _without_impulses(entry: Any) -> Any:
+    """The slope of a step (sign, one side of a kink) is zero beside it, which is what counts."""
+    return entry.replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
 
 
 def symbols(model: Model) -> Symbols:

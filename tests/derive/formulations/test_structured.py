@@ -28,7 +28,7 @@ from derive.mechanics import slopes
 from derive.mechanics.records import System
 from derive.mechanics.slopes import Tree
 from derive.mechanics.system import inertial_forces
-from derive.model import load
+from derive.model import load, load_text
 from derive.robots.reading import imported
 from derive.states import sampling, system
 from tests.scenes import MODELS
@@ -66,6 +66,27 @@ REST = (
     "waveboard",
 )
 
+PARALLEL_BARS = """
+model: parallel_bars
+plane: xy
+gravity: [0, -9.81 m/s^2]
+redundant: {fate}
+bodies:
+  a: {{mass: 1 kg, com: [0.1 m, 0], inertia: 0.01 kg*m^2}}
+  b: {{mass: 2 kg, com: [0.25 m, 0], inertia: 0.05 kg*m^2}}
+  c: {{mass: 1.5 kg, com: [0.1 m, 0], inertia: 0.03 kg*m^2}}
+  d: {{mass: 0.8 kg, com: [0.1 m, 0], inertia: 0.02 kg*m^2}}
+joints:
+  A: {{type: revolute, parent: ground, child: a, coordinate: q1}}
+  B: {{type: revolute, parent: a, child: b, at: [0.2 m, 0], coordinate: q2}}
+  D: {{type: revolute, parent: ground, child: c, at: [0.5 m, 0], coordinate: q3}}
+  E: {{type: revolute, parent: ground, child: d, at: [0.3 m, 0], coordinate: q4}}
+closures:
+  C1: {{type: revolute, between: [b, c], at: [[0.5 m, 0], [0.2 m, 0]]}}
+  C2: {{type: revolute, between: [b, d], at: [[0.3 m, 0], [0.2 m, 0]]}}
+initial: {{q1: 1 rad, guess: {{q2: -1 rad, q3: 1 rad, q4: 1 rad}}}}
+"""
+
 
 def mechanics_of(name: str) -> System:
     """A model of models/, or a robot of the tests with a free root."""
@@ -74,7 +95,9 @@ def mechanics_of(name: str) -> System:
     return system(load(MODELS / f"{name}.yaml"), "all")
 
 
-def derived(mechanics: System, monkeypatch: pytest.MonkeyPatch) -> tuple[Equations, Motion]:
+def derived(
+    mechanics: System, monkeypatch: pytest.MonkeyPatch, choice: str | None = None
+) -> tuple[Equations, Motion]:
     """With the motion that the derivatives are made of."""
     seen: list[Motion] = []
     whole = assembly.derivatives
@@ -84,7 +107,7 @@ def derived(mechanics: System, monkeypatch: pytest.MonkeyPatch) -> tuple[Equatio
         return whole(arguments, functions, found)
 
     monkeypatch.setattr(assembly, "derivatives", watched)
-    return equations(mechanics), seen[-1]
+    return equations(mechanics, choice), seen[-1]
 
 
 def states_of(found: Equations, count: int) -> Iterator[tuple]:
@@ -131,6 +154,20 @@ def test_every_way_is_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize("name", REST)
 def test_every_way_of_the_other_models(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     every_way(name, monkeypatch)
+
+
+@pytest.mark.parametrize("fate", ["drop", "keep"])
+@pytest.mark.parametrize("choice", ["auto", "orthonormal", "mass_orthogonal", "frozen"])
+def test_every_way_where_rows_repeat_others(
+    choice: str, fate: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A parallelogram with a third bar, whose rows depend on each other on the constraints
+    alone."""
+    mechanics = system(load_text(PARALLEL_BARS.format(fate=fate)), "all")
+    found, motion = derived(mechanics, monkeypatch, choice)
+    values = all_ways(found, motion)
+    assert len(values) >= 2
+    agree(found, values)
 
 
 def test_a_robot_afloat(monkeypatch: pytest.MonkeyPatch) -> None:

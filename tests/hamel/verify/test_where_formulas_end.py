@@ -75,6 +75,19 @@ loads:
 initial: {z: 0.3 m}
 """
 
+BENT = """
+model: bent
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {{l: 1 m}}
+bodies: {{a: {{mass: 1 kg, inertia: 0.1}}, b: {{mass: 2 kg, com: [0.1 m, 0], inertia: 0.1}}}}
+joints:
+  P: {{type: prismatic, parent: ground, child: a, axis: x, coordinate: x}}
+  R: {{type: revolute, parent: ground, child: b, coordinate: q}}
+constraints: {{c: {{{row}}}}}
+initial: {{q: 0.3, guess: {{x: 0.2 m}}}}
+"""
+
 
 def seen(text: str, *names: str) -> Evidence:
     model = load_text(text)
@@ -117,6 +130,21 @@ def test_steps_are_compared_over_a_length_that_does_not_cross_a_bend(tmp_path: P
     (tmp_path / "rope.yaml").write_text(ROPE)
     functions = ("default", "step", "step_sensitivity")
     assert hamel.build(tmp_path / "rope.yaml", out=tmp_path / "rope", functions=functions)
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        'holonomic: "x/l - q*abs(q)"',
+        'holonomic: "x/l - max(q, 0.1)"',
+        'nonholonomic: "der(x)/l - sign(q)*der(q)"',
+    ],
+)
+def test_constraints_with_a_bend(row: str) -> None:
+    """Beside it the slope of a step is zero, in the equations and in the reference."""
+    e = seen(BENT.format(row=row))
+    found = [result for result in results(e) if not result.passed]
+    assert found == []
 
 
 def test_powers_of_nothing_are_no_doubt(tmp_path: Path) -> None:

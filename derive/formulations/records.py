@@ -142,8 +142,9 @@ class Request:
         AssumptionError where the model has no such function."""
         if self.make is None:
             raise ValueError(f"{self.name} is a loop around {', '.join(self.needs)}")
-        if self.condition is not None:
-            self.condition()
+        if self.refusal is not None:
+            why = self.refusal.diagnostics[0]
+            raise AssumptionError(f"{self.name} cannot be had: {why.message}", why.hint)
         return self.make()
 
     @property

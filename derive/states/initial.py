@@ -190,10 +190,28 @@ def _positions(system: System, t: float, q: np.ndarray, p: np.ndarray) -> np.nda
     return values
 
 
+def _slopes(system: System, t: float, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """∂φ/∂q."""
+    slopes = ca.densify(ca.jacobian(system.phi, system.q))
+    values: np.ndarray = ca.Function("slopes", [system.t, system.q, system.p], [slopes])(
+        t, q, p
+    ).full()
+    return values
+
+
 def _off(system: System, p: np.ndarray, start: np.ndarray, t: float) -> ModelError:
     off = _positions(system, t, start, p)
+    steep = ~np.isfinite(_slopes(system, t, start, p)).all(axis=1)
+    if np.isfinite(off).all() and steep.any():
+        row = _row_of_position(system, int(np.argmax(steep)))
+        return _problem(
+            system,
+            f"constraint row {row} has no finite slope at the initial values",
+            "initial values, or values under `guess:`, beside them",
+            row,
+        )
     worst = int(np.argmax(np.where(np.isnan(off), np.inf, np.abs(off))))
-    row = next(row.name for row in system.rows if row.position == worst)
+    row = _row_of_position(system, worst)
     how = f"is off by {off[worst]:.3g}" if np.isfinite(off[worst]) else "has no value there"
     return _problem(
         system,
@@ -202,6 +220,11 @@ def _off(system: System, p: np.ndarray, start: np.ndarray, t: float) -> ModelErr
         "can be met together",
         row,
     )
+
+
+def _row_of_position(system: System, entry: int) -> str:
+    """The name of the row whose position is that entry of φ."""
+    return next(row.name for row in system.rows if row.position == entry)
 
 
 def _velocities(

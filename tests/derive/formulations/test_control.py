@@ -137,7 +137,9 @@ def test_too_few_inputs_for_a_coupled_motion_are_refused():
     text = ARM + "inputs: {f: {unit: N}}\nloads: {p: {type: force, body: c, components: [f, 0]}}\n"
     request = request_of(made(text), "inverse_dynamics_u")
     assert request is not None
-    with pytest.raises(AssumptionError, match="f cannot give every ẇ of q1_dot, q2_dot: 1 for 2"):
+    with pytest.raises(
+        AssumptionError, match="^error: inverse_dynamics_u cannot be had: .*f cannot give every ẇ"
+    ):
         _ = request.function
 
 

@@ -118,6 +118,25 @@ def test_what_cannot_be_welded_is_refused_by_name(tmp_path):
         initial_state(found)
 
 
+STEEP = """
+model: steep
+plane: xy
+parameters: {l: 1 m}
+bodies: {a: {mass: 1 kg, inertia: 0.1}, b: {mass: 2 kg, inertia: 0.1}}
+joints:
+  P: {type: prismatic, parent: ground, child: a, axis: x, coordinate: x}
+  R: {type: revolute, parent: ground, child: b, coordinate: q}
+constraints: {c: {holonomic: "acos(x/l) - q"}}
+initial: {x: 1 m, guess: {q: 0}}
+"""
+
+
+def test_a_start_that_holds_but_has_no_finite_slope_is_told(tmp_path):
+    found = _read(tmp_path, STEEP)
+    with pytest.raises(ModelError, match="constraint row c has no finite slope at the initial"):
+        initial_state(found)
+
+
 LEANING = """
 model: leaning
 bodies: {b: {mass: 1 kg, inertia: 0.1}}

@@ -36,11 +36,9 @@ def declared(system: System, name: str | None) -> Choice:
 
 
 def _unknown(system: System, name: str, offered: list[str]) -> Choice:
-    speeds = (
-        "or free velocities such as "
-        f"{','.join(speed_name(system, j) for j in range(min(2, system.v.numel())))}"
-    )
-    hint = did_you_mean(name, offered) or f"known: {listed(offered)}, {speeds}"
+    velocities = [speed_name(system, j) for j in range(system.v.numel())]
+    free = f"or one free velocity per degree of freedom, with commas, of {listed(velocities)}"
+    hint = did_you_mean(name, offered) or f"known: {listed(offered)}, {free}"
     raise AssumptionError(f"unknown choice of quasi-velocities '{name}'", hint)
 
 

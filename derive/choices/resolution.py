@@ -13,6 +13,7 @@ from derive.choices.candidates import candidates
 from derive.choices.elimination import Beginning
 from derive.choices.explicit import Explicit, explicit
 from derive.choices.limits import (
+    DEPENDENT,
     FEW,
     FINALISTS,
     NAMED,
@@ -80,16 +81,10 @@ def _declared(survey: Survey, choice: Choice) -> Resolved:
     try:
         return carried_out(survey, choice.name, "rows", rows, reason)
     except Dependent as problem:
-        raise _refused(
-            survey.system,
-            choice,
-            f"choice '{choice.name}': the speed '{problem.speed}' depends on the constraints "
-            "and the other speeds "
-            f"at every sampled state ({_culprits(survey, rows)})",
-            "speeds that, with the constraint rows, determine all velocities; `auto` finds such "
-            "a set",
-        ) from None
+        raise _dependent(survey, choice, rows, problem.speed) from None
     except Undetermined as problem:
+        if _is_dependent(survey, rows):
+            raise _dependent(survey, choice, rows, rows[-1].name) from None
         message = (
             f"choice '{choice.name}': the sampled states are too near singular positions "
             f"to find a pivot for '{problem.velocity}'"
@@ -100,6 +95,26 @@ def _declared(survey: Survey, choice: Choice) -> Resolved:
             message,
             "initial values away from singular positions, or another choice",
         ) from None
+
+
+def _dependent(
+    survey: Survey, choice: Choice, rows: Sequence[RowForm], speed: str
+) -> AssumptionError:
+    return _refused(
+        survey.system,
+        choice,
+        f"choice '{choice.name}': the speed '{speed}' depends on the constraints and the other "
+        f"speeds at every sampled state ({_culprits(survey, rows)})",
+        "speeds that, with the constraint rows, determine all velocities; `auto` finds such a set",
+    )
+
+
+def _is_dependent(survey: Survey, rows: Sequence[RowForm]) -> bool:
+    """Whether [A; B] is singular at every sampled state."""
+    A = survey.rows[:, list(survey.kept)]
+    B = even_rows(numeric_rows(survey, _matrix(rows, survey.system.v.numel())))
+    least = np.linalg.svd(np.concatenate([A, B], axis=1), compute_uv=False)[:, -1]
+    return bool(np.max(least, initial=0.0) < DEPENDENT)
 
 
 def _counted(n: int, what: str) -> str:

@@ -119,7 +119,9 @@ def _constant(node: Expression, operands: list[float | None], text: str) -> floa
         return node.value
     known = [operand for operand in operands if operand is not None]
     if isinstance(node, tree.Quotient) and operands[1] == 0.0:
-        raise FormulaError("division by zero", text, node.denominator.at)
+        raise FormulaError(
+            "division by zero", text, node.denominator.at, "a denominator that is not zero"
+        )
     if isinstance(node, tree.Vector) or len(known) < len(operands) or not operands:
         return None
     if isinstance(node, tree.Call) and node.function not in float_functions():

@@ -138,7 +138,7 @@ def test_too_few_inputs_for_a_coupled_motion_are_refused():
     request = request_of(made(text), "inverse_dynamics_u")
     assert request is not None
     with pytest.raises(
-        AssumptionError, match="^error: inverse_dynamics_u cannot be had: .*f cannot give every ẇ"
+        AssumptionError, match=r"^error: inverse_dynamics_u cannot be had: .*f cannot give every ẇ"
     ):
         _ = request.function
 

@@ -107,6 +107,14 @@ def test_a_dependent_speed_is_refused_with_its_place_and_the_constraint() -> Non
     assert "world" in s.model.text.splitlines()[diagnostic.line - 1]
 
 
+def test_speeds_that_are_one_are_refused_as_dependent() -> None:
+    """No position is singular: base.w, of which neither speed knows, has no pivot anywhere."""
+    text = (MODELS / "chaplygin_sleigh.yaml").read_text()
+    same = text.replace("{v: base.vx, om: base.w}", "{v: base.vx, om: 2*base.vx}")
+    with pytest.raises(AssumptionError, match=r"the speed 'om' depends on .* \(with v, om\)"):
+        equations(system(load_text(same)), "body")
+
+
 def test_a_wrong_number_of_speeds_is_refused() -> None:
     text = (
         (MODELS / "four_bar.yaml")

@@ -13,7 +13,12 @@ CYCLIC_SAMPLES = 5  # random states at which a derivative has to vanish
 NOTHING = 1e-8  # relative size of a derivative that counts as zero at random states
 
 # discrete
-DISCRETE_STEPS = 8  # of the fourth order within h
+# steps within h: at first, and the most
+DISCRETE_FEWEST, DISCRETE_MOST = 4, 4_096
+DISCRETE_AGREES = 1e-10  # with half as many, relative to the row or column
+DECAYED = 1e-6  # of what was one: less is looked at no closer than this
+NEWTON = 12  # iterations of a step
+SETTLED = 1e-14  # a change of the stages below this, relative to 1 + |x|, is the last
 
 # minimal
 MANY = 32  # points from which operations take longer than what calls them

@@ -12,8 +12,12 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import hamel
+from derive.diagnostics import AssumptionError
+from derive.formulations import equations
 from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import linear
+from derive.model import load_text
+from derive.states import system
 from derive.states.initial import initial_state
 from hamel.build.stages import equations_of
 
@@ -87,9 +91,9 @@ def _shifted(module, x, independent, j, by):
 
 
 def test_discrete_time_is_the_exponential_at_rest_and_the_flow_elsewhere(four_bar):
-    equations = equations_of(FOUR_BAR)
+    derived = equations_of(FOUR_BAR)
     p, x = np.array(four_bar.defaults), start(four_bar)
-    form = linear(equations, x[:3], p)
+    form = linear(derived, x[:3], p)
     Phi, Gamma = Discrete(form)(0.0, x, np.array([0.3]), p, 0.05)
 
     def end(x, u):
@@ -109,6 +113,36 @@ def test_discrete_time_is_the_exponential_at_rest_and_the_flow_elsewhere(four_ba
     assert np.max(np.abs(Gamma[:, 0] - (end(x, [0.31]) - end(x, [0.29]))[rows] / 0.02)) < 1e-6
 
 
+MASS = """
+model: mass
+plane: xy
+parameters: {{k: {k} N/m, c: {c} N*s/m}}
+bodies: {{a: {{mass: 1 kg, inertia: 0.1 kg*m^2}}}}
+joints: {{s: {{type: prismatic, parent: ground, child: a, axis: x, coordinate: x}}}}
+loads:
+  spring: {{type: spring, joint: s, stiffness: k}}
+  damper: {{type: damper, joint: s, coefficient: c}}
+inputs: {{f: {{joint: s}}}}
+"""
+
+
+@pytest.mark.parametrize("k, c, h", [(0, 5e3, 0.01), (100, 0, 1.0), (1e6, 1e6, 0.1)])
+def test_discrete_time_of_what_is_damped_or_turns_within_the_step(k, c, h):
+    derived = equations(system(load_text(MASS.format(k=k, c=c)), "all"))
+    x, p = np.zeros(2), np.zeros(0)
+    Phi, Gamma = Discrete(linear(derived, x[:1], p))(0.0, x, np.zeros(1), p, h)
+    both = expm(h * np.array([[0.0, 1.0, 0.0], [-k, -c, 1.0], [0.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(Phi, both[:2, :2], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(Gamma, both[:2, 2:], rtol=1e-9)
+
+
+def test_a_step_over_which_nothing_settles_is_refused():
+    derived = equations(system(load_text(MASS.format(k=1e12, c=0)), "all"))
+    form = linear(derived, np.zeros(1), np.zeros(0))
+    with pytest.raises(AssumptionError, match="do not settle in 4096 steps"):
+        Discrete(form)(0.0, np.zeros(2), np.zeros(1), np.zeros(0), 1.0)
+
+
 def test_the_command_gives_both_forms(capsys):
     from hamel.cli import main
 
@@ -118,8 +152,8 @@ def test_the_command_gives_both_forms(capsys):
     assert ended.value.code == 0
     A, B = np.array(found["A"]), np.array(found["B"])
     both = expm(0.01 * np.block([[A, B], [np.zeros((1, 5))]]))
-    assert np.max(np.abs(np.array(found["Phi"]) - both[:4, :4])) < 1e-7
-    assert np.max(np.abs(np.array(found["Gamma"]) - both[:4, 4:])) < 1e-8
+    assert np.max(np.abs(np.array(found["Phi"]) - both[:4, :4])) < 1e-12
+    assert np.max(np.abs(np.array(found["Gamma"]) - both[:4, 4:])) < 1e-13
     assert found["rows"][0]["spurious"] == 0 and found["states"] == ["s", "th", "s_dot", "th_dot"]
 
 

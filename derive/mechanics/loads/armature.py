@@ -16,7 +16,8 @@ def nothing(scene: Scene, load: Armature) -> Applied:
 
 def armatures(scene: Scene) -> ca.SX:
     """Rotor inertias on the diagonal of M (nv × nv): the rotor turns with the joint's generalized
-    velocity. Its gyroscopic moment on the carrier is left out: only ½ J v² counts."""
+    velocity. Its gyroscopic moment on the carrier is left out: only ½ J v² counts, and J v̇ where v
+    is no rate, for the rotor has an angle of its own then."""
     result = ca.SX(scene.symbols.v.numel(), scene.symbols.v.numel())
     for load in scene.model.loads:
         if isinstance(load, Armature):

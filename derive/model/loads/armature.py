@@ -16,9 +16,11 @@ from derive.model.records import Velocity
 
 
 class ArmatureEntry(Entry):
-    """Inertia of a rotor as the joint feels it."""
+    """Inertia of a rotor as the joint feels it: of a body of its own that turns with the velocity
+    and takes part in nothing else. Where the velocity is no rate of a coordinate, as `base.vy` is
+    not, J v̇ is all it adds; masses of water that a hull carries along have gyroscopic terms too."""
 
-    type: Word = Field(description="Kind of entry.", json_schema_extra=term("T = ½ J v²"))
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("T = ½ J v²; M = J"))
     joint: Named | None = Field(
         None, description="A joint with one coordinate.", json_schema_extra=term("v")
     )

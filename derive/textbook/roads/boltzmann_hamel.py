@@ -8,7 +8,8 @@ from __future__ import annotations
 import casadi as ca
 
 from derive.diagnostics import AssumptionError
-from derive.model.load_records import Exhaust
+from derive.mechanics.records import System
+from derive.model.load_records import Armature, Exhaust
 from derive.textbook.coefficients import Coefficients
 from derive.textbook.forces import active, along, solved
 from derive.textbook.manuscript import Manuscript
@@ -205,9 +206,14 @@ def _momenta(doc: Manuscript, found: Coefficients) -> None:
         "it, for it is differentiated with respect to all of them. Its derivatives are the momenta "
         "$p_s$; only then the constraints hold:"
     )
+    if not _rotors(doc.system).is_zero():
+        doc.say(
+            "Rotors that turn with a velocity which is no rate of a coordinate are left out of $T$ "
+            "here: their angles are further coordinates, which nothing else depends on."
+        )
     value = _momentum(doc.terms)
     s = doc.system
-    at_motion = ca.substitute(ca.gradient(s.T, s.v), s.v, doc.terms.named("v"))
+    at_motion = ca.substitute(ca.gradient(_kinetic(s), s.v), s.v, doc.terms.named("v"))
     doc.law(
         "momenta",
         r"!p",
@@ -226,9 +232,15 @@ def _equations(doc: Manuscript, found: Coefficients) -> None:
         "direction, with $!u_l\\left[T\\right]$ the change of the kinetic energy along it while "
         "all quasi-velocities are held, and $V_l$ the bias of gravity and potential:"
     )
+    turning = "" if _rotors(doc.system).is_zero() else r" + !u_l^T!J_R\,!!v"
+    if turning:
+        doc.mean(r"!J_R", "inertias of these rotors, on the diagonal")
     doc.law(
         "Boltzmann–Hamel",
-        r"\dot{p}_l - \sum_{r,s} \gamma^{s}_{rl}\,w_r\,p_s" + moving + r" - !u_l\left[T\right]",
+        r"\dot{p}_l - \sum_{r,s} \gamma^{s}_{rl}\,w_r\,p_s"
+        + moving
+        + r" - !u_l\left[T\right]"
+        + turning,
         r"!u_l^T\left(!Q - !V\right),\qquad l = 1,\ldots," + str(found.free),
         _left(doc.terms, doc.terms.wdot),
     )
@@ -249,9 +261,29 @@ def _energy(terms: Terms) -> tuple[ca.SX, ca.SX, ca.SX]:
     """T̂ over free symbols of all quasi-velocities, these symbols, and what they are."""
     s, coefficients = terms.system, Coefficients(terms)
     speeds = ca.SX.sym("omega", coefficients.directions.size2())
-    energy = ca.substitute(s.T, s.v, ca.mtimes(coefficients.directions, speeds))
+    energy = ca.substitute(_kinetic(s), s.v, ca.mtimes(coefficients.directions, speeds))
     c = terms.of_independent(s.c) if terms.has("Y") else ca.SX(0, 1)
     return energy, speeds, ca.vertcat(terms.w, ca.substitute(c, s.v, terms.named("v")))
+
+
+def _rotors(s: System) -> ca.SX:
+    """Inertias of rotors that turn with velocities which are no rates, on the diagonal (nv × nv).
+
+    The rotor's angle follows such a velocity by a nonholonomic constraint, which must not be put
+    into T: only J v̇ is left of it."""
+    result = ca.SX(s.v.numel(), s.v.numel())
+    for load in s.model.loads:
+        if isinstance(load, Armature):
+            j = s.model.velocity_index(load.velocity)
+            if not s.model.velocities[j].rate_of:
+                result[j, j] += s.symbols.scalar(load.inertia)
+    return result
+
+
+def _kinetic(s: System) -> ca.SX:
+    """T without these rotors."""
+    rotors = _rotors(s)
+    return s.T if rotors.is_zero() else s.T - 0.5 * ca.bilin(rotors, s.v, s.v)
 
 
 def _energy_change(terms: Terms) -> ca.SX:
@@ -263,10 +295,13 @@ def _energy_change(terms: Terms) -> ca.SX:
 
 
 def _left(terms: Terms, wdot: ca.SX) -> ca.SX:
-    """ṗ_l − Σ γ^s_rl w_r p_s − u_l[T] − u_lᵀ (Q − V)."""
+    """ṗ_l − Σ γ^s_rl w_r p_s − u_l[T] + u_lᵀ J_R v̇ − u_lᵀ (Q − V)."""
     coefficients, p = Coefficients(terms), _momentum(terms)
-    nw = coefficients.free
+    nw, rotors = coefficients.free, _rotors(terms.system)
     rates = along(terms, p[:nw], wdot)
+    if not rotors.is_zero():
+        vdot = along(terms, terms.named("v"), wdot)
+        rates = rates + ca.mtimes(terms.named("S").T, ca.mtimes(rotors, vdot))
     force = ca.mtimes(terms.named("S").T, active(terms.system))
     force = ca.substitute(force, terms.system.v, terms.named("v"))
     left = rates - _energy_change(terms) - force

@@ -6,6 +6,7 @@ Of derive.textbook.roads: block_inversion, boltzmann_hamel, kane, multipliers, r
 """
 
 import functools
+import re
 
 import casadi as ca
 import numpy as np
@@ -148,6 +149,35 @@ def test_two_roads_stand_side_by_side_and_agree(pair):
     assert 'class="beside"' in page and "The two roads compared" in page
     assert "fails" in page and "operations for the accelerations" in page
     assert "The two roads compared" in latex(found, roads=pair.split(","))
+
+
+ROTORS = """
+loads:
+  along: {type: armature, velocity: base.vx, inertia: 2 kg}
+  across: {type: armature, velocity: base.vy, inertia: 5 kg}
+"""
+
+
+@pytest.mark.parametrize("free", [True, False])
+@pytest.mark.parametrize("road", NAMES)
+def test_rotors_on_velocities_that_are_no_rates(road, free):
+    """They add J v̇ and nothing gyroscopic, on every road."""
+    text = (MODELS / "chaplygin_sleigh.yaml").read_text().partition("reference:")[0] + ROTORS
+    if free:
+        text = re.sub(r"(?ms)^constraints:.*?(?=^quasi)", "", text).replace("body: {v", "old: {v")
+        text = re.sub(r"(?ms)^quasi_velocities:.*?(?=^initial)", "", text)
+    found = equations(system(load_text(text)))
+    try:
+        document = derivation(found, [road])
+    except AssumptionError as error:
+        assert "freedom" in str(error) or "constraints" in str(error)
+        return
+    state, terms = State(found), Terms(found)
+    way = next(x for x in ROADS if x.name == road)
+    errors = printed_errors(document, state) | law_errors(document, state)
+    assert not {name: x for name, x in errors.items() if not x <= TOLERANCE}
+    (difference,) = state.exact([way.accelerations(terms) - terms.wdot])
+    assert max(map(abs, difference)) <= TOLERANCE
 
 
 @pytest.mark.parametrize("planted", ["gamma", "bracket", "drift"])

@@ -2,8 +2,9 @@
 functions.
 
 `zero`: a real eigenvalue passes zero (det A = 0). `hopf`: a pair passes the imaginary axis (Re λ =
-0). `double`: two real eigenvalues meet and part as a pair ((λ₁ − λ₂)² = 0, which is smooth and as
-exact as A, though each λ is only good to √ε there).
+0), or two pairs meet on it and part ((λ₁ − λ₂)² = 0 of the two above the real axis). `double`: two
+real eigenvalues meet and part as a pair ((λ₁ − λ₂)² = 0, which is smooth and as exact as A, though
+each λ is only good to √ε there).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from derive.linearize.limits import CRITICAL_NEAR, CRITICAL_STEPS, DEPTH
+from derive.linearize.limits import CRITICAL_NEAR, CRITICAL_STEPS, DEPTH, REAL
 from derive.linearize.spectrum import eigenvalues, signature
 
 Spectra = Callable[[np.ndarray], np.ndarray]  # values → matrices N × k × k
@@ -83,8 +84,42 @@ def _located(matrices: Spectra, kind: str, a: float, b: float) -> Critical:
         changes where the value is critical."""
         return MEASURES[kind](matrices(np.array([value]))[0])
 
+    if kind == "hopf" and _pairs_meet(*matrices(np.array([a, b]))):
+        value = root(lambda x: _gap_above(matrices(np.array([x]))[0]), a, b)
+        (values,) = _spectra(matrices(np.array([value]))[0])
+        return Critical(kind, value, complex(np.mean(_nearest_above(values))))
     value = root(measure, a, b)
     return Critical(kind, value, _changing(kind, eigenvalues(matrices(np.array([value])))[0]))
+
+
+def _pairs_meet(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether pairs are on the imaginary axis at one end and off it at the other, as of systems
+    that do not dissipate: Re λ is a square root there, and rounding on the axis."""
+    on_axis = [
+        abs(_oscillating(x).real) <= REAL * abs(_oscillating(x)) for x in _spectra(one, other)
+    ]
+    return any(on_axis) and _gap_above(one) * _gap_above(other) < 0
+
+
+def _spectra(*matrices: np.ndarray) -> list[NDArray[np.complex128]]:
+    return [eigenvalues(A[np.newaxis])[0] for A in matrices]
+
+
+def _gap_above(A: np.ndarray) -> float:
+    """(λ₁ − λ₂)² of the two nearest eigenvalues above the real axis: negative where both are on
+    the imaginary axis, positive where they have parted; 0 where there are no two."""
+    (values,) = _spectra(A)
+    first, *others = _nearest_above(values)
+    return float(((first - others[0]) ** 2).real) if others else 0.0
+
+
+def _nearest_above(values: NDArray[np.complex128]) -> list[complex]:
+    """The two above the real axis that are nearest to each other; the only one where there are no
+    two."""
+    above = values[values.imag > 0]
+    if len(above) < 2:
+        return [_oscillating(values)]
+    return [complex(above[k]) for k in _closest(above)]
 
 
 def _squared_gap(A: np.ndarray) -> float:

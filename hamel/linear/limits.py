@@ -14,6 +14,8 @@ REAL = 1e-9  # of its size: a slope with less of an imaginary part is real
 
 # words
 SEEN = 0.01  # relative amplitude below which a coordinate is not mentioned
+# of the largest amplitude, in the model's own units: less may be the rounding of a mode
+FAINT = 1e-6
 SAME = 1e-9  # of an eigenvalue: a smaller part of it is zero
 
 # ranges

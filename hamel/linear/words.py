@@ -9,7 +9,8 @@ import numpy as np
 
 from derive.linearize.sensitivity import Mode
 from derive.linearize.study import Study
-from hamel.linear.limits import SAME, SEEN
+from derive.states.scales import scales
+from hamel.linear.limits import FAINT, SAME, SEEN
 
 
 def course(eigenvalue: complex) -> str:
@@ -29,17 +30,16 @@ def course(eigenvalue: complex) -> str:
 
 def shape(study: Study, mode: Mode) -> str:
     """The amplitudes of the coordinates that matter, relative to the largest of the same unit, and
-    how far they lag."""
-    form, left_out = study.linear, set(study.cyclic)
-    places = [
-        k
-        for k, j in enumerate(form.independent)
-        if k not in left_out and j < study.equations.system.q.numel()
-    ]
-    if not any(abs(mode.vector[k]) for k in places):
-        places = [k for k in range(len(form.states)) if k not in left_out]
-    parts = [_group(form.states, mode.vector, group) for group in _by_unit(form.units, places)]
-    return "; ".join(part for part in parts if part)
+    how far they lag; velocities where no coordinate moves. What is rounding beside others does not
+    move."""
+    form = study.linear
+    left = [k for k in range(len(form.states)) if k not in study.cyclic]
+    sizes = np.abs(mode.vector) / scales(study.equations.system.model).all_of(form.units)
+    moving = [k for k in left if sizes[k] > FAINT * np.max(sizes[left])]
+    nq = study.equations.system.q.numel()
+    places = [k for k in moving if form.independent[k] < nq] or moving
+    groups = _by_unit(form.units, places)
+    return "; ".join(_group(form.states, mode.vector, group) for group in groups)
 
 
 def _by_unit(units: Sequence[str], places: Sequence[int]) -> list[list[int]]:
@@ -50,8 +50,6 @@ def _by_unit(units: Sequence[str], places: Sequence[int]) -> list[list[int]]:
 
 def _group(names: Sequence[str], vector: np.ndarray, group: Sequence[int]) -> str:
     first = max(group, key=lambda k: abs(vector[k]))
-    if abs(vector[first]) == 0:
-        return ""
     others = sorted((k for k in group if k != first), key=lambda k: -abs(vector[k]))
     parts = [
         _relative(names[k], vector[k] / vector[first])

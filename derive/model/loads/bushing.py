@@ -20,7 +20,8 @@ from derive.model.space import ORIGIN
 
 class BushingEntry(Entry):
     """A soft weld: springs and dampers along and about the three axes of a frame placed on two
-    bodies."""
+    bodies, for small turns: θ = ½ Σ aᵢ × bᵢ of the two frames' axes, which is sin θ about one axis,
+    so that beyond 90 degrees the torque falls."""
 
     type: Word = Field(
         description="Kind of entry.",

@@ -686,3 +686,51 @@ def test_what_was_held_is_said_where_there_is_no_steady_motion(tmp_path):
     path.write_text(none, "utf-8")
     with pytest.raises(AssumptionError, match=r"'spin' is no steady motion with tilt = \d"):
         hamel.linearize(path, out=tmp_path / "sweep.html")
+
+
+ONE_WAY = """
+model: one_way
+plane: xy
+bodies: {a: {mass: 1 kg}, b: {mass: 1 kg, inertia: 1}}
+joints:
+  A: {type: prismatic, parent: ground, child: a, axis: x, coordinate: s, spring: {stiffness: 1 N/m}, damper: 0.1 N*s/m}
+  B: {type: revolute, parent: ground, child: b, coordinate: q, spring: {stiffness: 9 N*m/rad}, damper: 0.1 N*m*s/rad}
+loads: {c: {type: expression, joint: A, expression: (1 N)*q}}
+steady_motion: {rest: {s: 0 m, q: 0}}
+"""
+
+
+def test_what_is_rounding_does_not_move_in_a_mode(tmp_path):
+    """s does not act on q, which is the only one with its unit."""
+    file = tmp_path / "one_way.yaml"
+    file.write_text(ONE_WAY)
+    found = hamel.linearize(file, out=tmp_path / "page.html")
+    assert [mode.shape for mode in found.modes] == ["s 1; q 1", "s 1"]
+
+
+TOP = """
+model: top
+gravity: [0, 0, -9.81 m/s^2]
+parameters: {m: 0.5 kg, l: 0.08 m, A: 0.002 kg*m^2, C: 0.0006 kg*m^2}
+bodies: {g1: {mass: 0}, g2: {mass: 0}, top: {mass: m, com: [0, 0, l], inertia: [A, A, C]}}
+joints:
+  x: {type: revolute, parent: ground, child: g1, axis: x, coordinate: a}
+  y: {type: revolute, parent: g1, child: g2, axis: y, coordinate: b}
+  z: {type: revolute, parent: g2, child: top, axis: z, coordinate: c}
+steady_motion:
+  sleep: {a: 0, b: 0, der(a): 0, der(b): 0, der(c): spin, sweep: {spin: [10, 200 rad/s]}}
+"""
+
+
+@pytest.mark.parametrize("count", [20, 57])
+def test_where_two_pairs_meet_on_the_imaginary_axis_the_digits_hold(tmp_path, count):
+    """A sleeping top: C spin = 2 √(A m g l) with A about the point, and half of that precession."""
+    file = tmp_path / "top.yaml"
+    file.write_text(TOP)
+    sweep = {"spin": f"10:200:{count}"}
+    (critical,) = hamel.linearize(file, sweep=sweep, out=tmp_path / "page.html").critical
+    about, weight = 0.002 + 0.5 * 0.08**2, 0.5 * 9.81 * 0.08
+    speed = 2 * np.sqrt(about * weight) / 0.0006
+    assert critical.kind == "hopf" and abs(critical.value - speed) < 1e-11 * speed
+    turning = 0.5 * 0.0006 * speed / about
+    assert abs(complex(*critical.eigenvalue) - 1j * turning) < 1e-9 * turning

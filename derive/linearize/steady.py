@@ -422,6 +422,11 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray, s: np.ndarray) -
         "held values that can be kept for ever; other guesses, an input that is `free`, "
         "or another --choice"
     )
+    if found.equations.system.quaternions:
+        advice += (
+            "; a body that goes on turning needs `orientation: {euler: …}`, or hinges: its "
+            "quaternion turns along"
+        )
     free = ", ".join(f"{name} = {x:.3g}" for name, x in zip(motion.sweepable, s))
     message = f"{what}{f' with {free}' if free else ''}: {found.rows[k]} {missed}"
     return AssumptionError(model.diagnostic(motion.span, message, advice))

@@ -734,3 +734,13 @@ def test_where_two_pairs_meet_on_the_imaginary_axis_the_digits_hold(tmp_path, co
     assert critical.kind == "hopf" and abs(critical.value - speed) < 1e-11 * speed
     turning = 0.5 * 0.0006 * speed / about
     assert abs(complex(*critical.eigenvalue) - 1j * turning) < 1e-9 * turning
+
+
+def test_a_turning_quaternion_is_told_to_be_one(tmp_path):
+    text = TOP.partition("joints:")[0].replace("g1: {mass: 0}, g2: {mass: 0}, ", "")
+    text += "joints: {u: {type: ball, parent: ground, child: top}}\n"
+    text += "steady_motion: {sleep: {u.wx: 0 rad/s, u.wy: 0 rad/s, u.wz: 9 rad/s}}\n"
+    file = tmp_path / "top.yaml"
+    file.write_text(text)
+    with pytest.raises(AssumptionError, match="its quaternion turns along"):
+        hamel.linearize(file, out=tmp_path / "page.html")

@@ -296,25 +296,35 @@ def _by_state_and_input(e: Evidence, k: int, moves: Array) -> Array:
 def slopes_of_forward(e: Evidence) -> float | None:
     """∂ẋ/∂x d + ∂ẋ/∂t τ differentiated by the states and inputs, where the module has it."""
     found = _states_of(e, OF_FORWARD)
-    return worst([_slopes_of_forward(e, k) for k in found]) if found else None
+    if not found:
+        return None
+    rows = [_in_place_of_x(e, k) for k in found]
+    # twice a bound of ours is one of both
+    lost = 2.0 * roundoff(e.graph, OF_FORWARD, rows, FLOAT64)
+    return worst([_slopes_of_forward(e, k, each) for k, each in zip(found, lost)])
 
 
-def _slopes_of_forward(e: Evidence, k: int) -> float:
-    s, x, units = e.samples[k], e.x[k], _both_units(e)
+def _in_place_of_x(e: Evidence, k: int) -> Row:
+    """(t, (x, d, τ), u, p) at random d and one unit of time."""
+    s, x = e.samples[k], e.x[k]
     d, tau = _random(e, k)[0][: len(x)], e.units.time
+    return s.t, np.concatenate([x, d, [tau]]), s.u, s.p
+
+
+def _slopes_of_forward(e: Evidence, k: int, lost: Array) -> float:
+    s, x, units = e.samples[k], e.x[k], _both_units(e)
+    _, given, _, _ = _in_place_of_x(e, k)
+    d, tau = given[len(x) : -1], given[-1]
     slots = [argument.symbols for argument in e.graph.equations.arguments]
     rates = e.graph.equations.function("dynamics").result.value
     seed = ca.SX(ca.DM(np.append(tau, d)))
     along = with_finite_slopes(ca.jtimes(rates, ca.vertcat(slots[0], slots[1]), seed))
     directions = _by_state_and_input(e, k, np.diag(units))
     wanted = tangents(slots, along, (np.array([s.t]), x, s.u, s.p), directions)
-    given = np.concatenate([x, d, [tau]])
     ours = e.graph(OF_FORWARD, s.t, given, s.u, s.p).reshape(len(x), -1) * units
     rows = e.units.x / e.units.time
     value = ca.Function("along", slots, [along])(s.t, x, s.u, s.p)
     here = np.array(value).ravel() / rows
-    # twice a bound of ours is one of both
-    (lost,) = 2.0 * roundoff(e.graph, OF_FORWARD, [(s.t, given, s.u, s.p)], FLOAT64)
     doubts = lost.reshape(ours.shape) * units
     columns = zip(ours.T, wanted.T, doubts.T)
     errors = [_error(a / rows, b / rows, here, doubt / rows) for a, b, doubt in columns]

@@ -19,13 +19,22 @@ from typing import Any
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import null_space
 
 from derive.diagnostics import AssumptionError
 from derive.formulations.evaluate import function_of
 from derive.formulations.records import Equations
 from derive.mechanics.regressor import INERTIAL, Parameter
 from hamel.identify.base import Base
-from hamel.identify.limits import LEAST_WEIGHT, LIGHT, MARGIN, ROUNDS, SETTLED
+from hamel.identify.limits import (
+    EXACT,
+    FEW_WEIGHTS,
+    LEAST_WEIGHT,
+    LIGHT,
+    MARGIN,
+    ROUNDS,
+    SETTLED,
+)
 from hamel.identify.measured import Measured, at_rows, parameters_of
 
 Array = np.ndarray
@@ -91,8 +100,23 @@ def weighted(rows: Rows) -> Estimate:
 
 def _solved(rows: Rows, weights: Array) -> Estimate:
     count, nw, nb = rows.A.shape
+    U, B, condition = _factors(rows, weights)
+    b = B @ (U.T @ (rows.y * weights).ravel())
+    left = rows.y - rows.A @ b
+    # what each equation leaves, with its share of the noise that the fit takes taken off
+    share = 1.0 - float(_variance(U.T.reshape(nb, count, nw), rows).sum()) / (count * nw)
+    spread = np.sqrt(np.mean(left**2, axis=0) / share)
+    # of each equation's own noise, whatever the weights: b = H y has the variance H C Hᵀ, where C
+    # is spread² within a row, and what the filter leaves of it from row to row
+    H = (B @ U.T).reshape(nb, count, nw) * (spread * weights)
+    return Estimate(b, np.sqrt(_variance(H, rows)), spread, condition)
+
+
+def _factors(rows: Rows, weights: Array) -> tuple[Array, Array, float]:
+    """U and B with the weighted A B = U, UᵀU = 1, and the condition of A, columns scaled to one. So
+    B Bᵀ is the covariance of b where the noise of the weighted equations is one."""
+    count, nw, nb = rows.A.shape
     A = (rows.A * weights[:, None]).reshape(-1, nb)
-    y = (rows.y * weights).ravel()
     size = np.linalg.norm(A, axis=0)
     if count * nw <= nb or (size == 0.0).any():
         raise AssumptionError(
@@ -105,15 +129,7 @@ def _solved(rows: Rows, weights: Array) -> Estimate:
             "the motion does not tell all base parameters apart",
             "a motion that moves every joint; --excite finds one",
         )
-    b = (Vt.T @ ((U.T @ y) / s)) / size
-    left = rows.y - rows.A @ b
-    # what each equation leaves, with its share of the noise that the fit takes taken off
-    share = 1.0 - float(_variance(U.T.reshape(nb, count, nw), rows).sum()) / (count * nw)
-    spread = np.sqrt(np.mean(left**2, axis=0) / share)
-    # of each equation's own noise, whatever the weights: b = H y has the variance H C Hᵀ, where C
-    # is spread² within a row, and what the filter leaves of it from row to row
-    H = ((Vt.T / s) @ U.T / size[:, None]).reshape(nb, count, nw) * (spread * weights)
-    return Estimate(b, np.sqrt(_variance(H, rows)), spread, float(s[0] / s[-1]))
+    return U, Vt.T / s / size[:, None], float(s[0] / s[-1])
 
 
 def _variance(H: Array, rows: Rows) -> Array:
@@ -127,29 +143,52 @@ def _variance(H: Array, rows: Rows) -> Array:
 
 def consistent(rows: Rows, base: Base, spread: Array, own: Array, solver: Any) -> Array:
     """All standard parameters (np), physically consistent, with the least weighted residuals;
-    `own` are the file's. `solver` is the module clarabel."""
-    weights = 1.0 / np.maximum(spread, LEAST_WEIGHT * (spread.max() or 1.0))
-    A = (rows.A * weights[:, None]).reshape(-1, rows.A.shape[2]) @ base.combination
-    y = (rows.y * weights).ravel()
+    `own` are the file's. `solver` is the module clarabel.
+
+    They are sought from the weighted values and the file's: first along what the motion does not
+    tell, so that weighted values that some body has stay as they are; then along all, counted in
+    standard deviations, so that weights of any size leave a problem of even scale.
+    """
     scale = scales(base.standard, own)
-    G = (A * scale).T @ (A * scale)
-    known = np.linalg.eigvalsh(G)
-    outcome = known[-len(base.leading) :]
-    light = LIGHT * max(float(outcome[0]), 1e-12 * float(outcome[-1]))
-    P = sparse.triu(sparse.csc_matrix(G + light * np.eye(len(scale))), format="csc")
-    q = -(A * scale).T @ y - light * own / scale
-    # the problem by its largest entry: tolerances of the solver are then those of z
-    largest = float(np.abs(G).max()) or 1.0
-    rows_of_cones, floor, cones = _cones(base.standard, scale, solver)
+    C = base.combination * scale
+    back, untold = np.linalg.pinv(C), _untold(C)
+    for least in (LEAST_WEIGHT, *FEW_WEIGHTS):
+        weights = 1.0 / np.maximum(spread, least * (spread.max() or 1.0))
+        U, B, _ = _factors(rows, weights)
+        b = B @ (U.T @ (rows.y * weights).ravel())
+        centre = own / scale + back @ (b - base.combination @ own)
+        told = back @ B / np.abs(back @ B).max()
+        for directions in (untold, np.hstack([told, untold / LIGHT])):
+            z = _nearest(base.standard, scale, centre, directions, solver)
+            if z is not None:
+                return z * scale
+    raise AssumptionError("the consistent parameters were not found")
+
+
+def _untold(C: Array) -> Array:
+    """Directions that C leaves alone; one without length where there are none."""
+    found = null_space(C)
+    return found if found.size else np.zeros((C.shape[1], 1))
+
+
+def _nearest(
+    standard: Sequence[Parameter], scale: Array, centre: Array, directions: Array, solver: Any
+) -> Array | None:
+    """z = centre + directions x in the cones with the least |x|; None where the solver finds
+    none."""
+    rows, floor, cones = _cones(standard, scale, solver)
+    count = directions.shape[1]
+    squares, matrix = sparse.eye(count, format="csc"), sparse.csc_matrix(-rows @ directions)
+    inside = rows @ centre - floor
     settings = solver.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
-    result = solver.DefaultSolver(
-        P / largest, q / largest, sparse.csc_matrix(-rows_of_cones), -floor, cones, settings
-    ).solve()
-    if str(result.status) not in ("Solved", "AlmostSolved"):
-        raise AssumptionError(f"the consistent parameters were not found: {result.status}")
-    return np.array(result.x) * scale
+    for tolerance in EXACT:  # beyond what rounding allows, iterates become worse again
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        given = (squares, np.zeros(count), matrix, inside, cones, settings)
+        found = solver.DefaultSolver(*given).solve()
+        if str(found.status) == "Solved":
+            return centre + directions @ np.array(found.x)
+    return None
 
 
 def scales(standard: Sequence[Parameter], own: Array) -> Array:

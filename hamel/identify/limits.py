@@ -11,9 +11,11 @@ ROUND = 1e-9  # a coefficient this near a whole number is one
 # estimate
 ROUNDS = 10  # of weights by residuals; they settle in two or three
 SETTLED = 1e-4  # of a standard deviation: far below what it is known to
-LIGHT = 1e-3  # of the least information: what a parameter that is not told is held to the file by
+LIGHT = 0.01  # least known deviation by that of the untold: so masses stay within reason
+EXACT = (1e-11, 1e-9, 1e-8)  # of the solver, and what it may have where that is not reached
 MARGIN = 1e-9  # of a pseudo-inertia's own size: strictly inside, so that rounding stays there
 LEAST_WEIGHT = 1e-12  # of the largest residual: an equation without noise is not infinitely exact
+FEW_WEIGHTS = (1e-4, 1e-2)  # the same, where no body has what is told so exactly: solvers fail
 
 # fit
 DOUBTFUL = 0.1  # of the forces: a fit that leaves more explains something else

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 import hamel
 from derive.diagnostics import AssumptionError, ModelError
@@ -38,6 +39,18 @@ joints:
   B: {type: revolute, parent: upper, child: lower, at: [l, 0], coordinate: q2, limits: [-1, 2]}
 inputs: {tau1: {joint: A}, tau2: {joint: B}}
 loads: {rub: {type: friction, joint: A, viscous: 0.1, coulomb: 0.3 N*m, smoothing: 0.05 rad/s}}
+"""
+CARTS = """
+model: carts
+plane: xy
+bodies: {c1: {mass: 1 kg}, c2: {mass: 1 kg}}
+joints:
+  A: {type: prismatic, parent: ground, child: c1, axis: x, coordinate: x1}
+  B: {type: prismatic, parent: ground, child: c2, axis: x, coordinate: x2}
+inputs: {u1: {joint: A}, u2: {joint: B}}
+loads:
+  d: {type: damper, joint: A, coefficient: 1 N*s/m}
+  e: {type: damper, joint: B, coefficient: 1 N*s/m}
 """
 
 
@@ -162,6 +175,33 @@ def test_the_written_model_is_physical_and_has_the_values(motion, tmp_path):
         assert x.consistent is not None and y.file is not None
         assert y.file == pytest.approx(x.consistent, rel=1e-6, abs=1e-9)
     assert all(x.value is not None and x.value > 0 for x in record.standard if x.name[:2] == "m_")
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-2])
+@pytest.mark.parametrize(
+    "truth",
+    [(2.5, 0.7, 1.5, 0.4), (2.5, -0.7, 1.5, 0.4), (-1, 0.7, 1.5, 0.4), (2.5, -0.7, -1, 0.4)],
+)
+def test_consistent_values_do_not_depend_on_how_unlike_the_noise_is(tmp_path, truth, noise):
+    """Two carts that know nothing of each other, one with a noise of 0.5 N: of each, least squares
+    without negative mass and damping are found by another method, one cart at a time."""
+    pytest.importorskip("clarabel")
+    (tmp_path / "carts.yaml").write_text(CARTS)
+    t, rng = np.arange(0.0, 5.0, 0.01), np.random.default_rng(0)
+    carts = [np.column_stack([-w * np.sin(w * t), np.cos(w * t)]) for w in (2.0, 3.0)]
+    forces = [A @ m + n * rng.normal(size=len(t)) for A, m, n in
+              zip(carts, (truth[:2], truth[2:]), (0.5, noise))]  # fmt: skip
+    x = [np.sin(w * t) / w for w in (2.0, 3.0)]
+    head = ["t", "x1", "x2", "der(der(x1))", "der(x1)", "der(der(x2))", "der(x2)", "u1", "u2"]
+    write(tmp_path / "a.csv", head, np.column_stack([t, *x, *carts, *forces]))
+    record = hamel.identify(tmp_path / "carts.yaml", tmp_path / "a.csv")
+    found = {x.name: x for x in record.base}
+    for A, force, names in zip(carts, forces, (("m_c1", "d"), ("m_c2", "e"))):
+        for value, name in zip(nnls(A, force)[0], names):
+            deviation = found[name].deviation
+            assert found[name].consistent == pytest.approx(value, abs=1e-8 + 0.1 * deviation)
+    if min(truth) > 0.0:
+        assert all(x.consistent == pytest.approx(x.weighted, rel=1e-12) for x in record.base)
 
 
 def test_series_keep_the_limits_of_joints(motion):

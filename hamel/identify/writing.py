@@ -13,6 +13,7 @@ from derive.diagnostics import AssumptionError
 from derive.mechanics.records import System
 from derive.mechanics.regressor import INERTIAL, Parameter, groups
 from derive.model.builder import Model
+from derive.model.loads.in_joint import IN_JOINT
 from derive.robots.reading import ROBOTS, imported
 
 Array = np.ndarray
@@ -35,8 +36,8 @@ def identified(
                 _put(system, entries, name, {"mass": "0 kg"})
     for x, value in zip(standard, values):
         if x.kind not in INERTIAL:
-            entry = _entry(system, entries, "loads", x.owner)
-            entry[x.kind] = f"{max(float(value), 0.0)!r} {x.unit}"
+            entry, key = _load(system, entries, x)
+            entry[key] = f"{max(float(value), 0.0)!r} {x.unit}"
     return Model.from_dict(entries).yaml()
 
 
@@ -61,6 +62,16 @@ def _entry(system: System, entries: dict[str, Any], section: str, name: str) -> 
         "it cannot be written back",
         "a file without `repeat:` and `use:`, or the values by --json",
     )
+
+
+def _load(system: System, entries: dict[str, Any], x: Parameter) -> tuple[dict[str, Any], str]:
+    """Where a coefficient stands, and under which key: in a load, or in the joint that the load is
+    named after."""
+    joint, _, kind = x.owner.rpartition("_")
+    if x.owner in (entries.get("loads") or {}) or kind not in IN_JOINT:
+        return _entry(system, entries, "loads", x.owner), x.kind
+    entry = _entry(system, entries, "joints", joint)
+    return (entry[kind], x.kind) if isinstance(entry.get(kind), dict) else (entry, kind)
 
 
 def _body(ten: Sequence[float], plane: str) -> dict[str, Any]:

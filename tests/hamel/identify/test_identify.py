@@ -177,6 +177,21 @@ def test_the_written_model_is_physical_and_has_the_values(motion, tmp_path):
     assert all(x.value is not None and x.value > 0 for x in record.standard if x.name[:2] == "m_")
 
 
+def test_what_a_joint_itself_is_given_is_written_into_the_joint(motion, tmp_path):
+    """Friction, damper and armature in the joint, of which the motion has the friction alone."""
+    pytest.importorskip("clarabel")
+    _, _, names, rows = motion
+    law = "friction: {viscous: 0 N*m*s/rad, coulomb: 1 N*m, smoothing: 0.05 rad/s}"
+    text = ARM.replace("q1,", f"q1, {law},").replace("q2,", "q2, damper: 1, armature: 0.1,")
+    (tmp_path / "arm.yaml").write_text("\n".join(text.splitlines()[:-1]))
+    write(tmp_path / "a.csv", names, rows)
+    hamel.identify(tmp_path / "arm.yaml", tmp_path / "a.csv", out=tmp_path / "out.yaml")
+    again = hamel.identify(tmp_path / "out.yaml", tmp_path / "a.csv")
+    found = {x.name: x.file for x in again.base}
+    wanted = {"A_friction_viscous": 0.1, "A_friction_coulomb": 0.3, "B_damper": 0, "B_armature": 0}
+    assert {name: found[name] for name in wanted} == pytest.approx(wanted, abs=1e-6)
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-2])
 @pytest.mark.parametrize(
     "truth",

@@ -36,6 +36,7 @@ SPLINE_ENDS = 12  # rows in which what a quintic spline's end does falls to 1e-4
 NYQUIST = 0.4  # and at most this part of the sampling rate
 EVEN = 1e-3  # of a time step: what steps may differ
 LEAST = 20  # rows
+LOOKED = 10  # of them are looked at for what loops tell: few are at a dead centre
 
 # shooting
 TOLERANCE = 1e-11  # of the motions: differences of them have to be smooth

@@ -14,6 +14,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 from scipy.interpolate import make_interp_spline
+from scipy.linalg import null_space
 from scipy.signal import butter, sosfiltfilt
 
 from derive.diagnostics import ModelError, did_you_mean, listed
@@ -25,11 +26,13 @@ from hamel.identify.limits import (
     ABOVE,
     EVEN,
     LEAST,
+    LOOKED,
     NYQUIST,
     ORDER,
     RISEN,
     SMOOTH,
     SPLINE_ENDS,
+    TOLD,
     TOP,
 )
 
@@ -91,8 +94,8 @@ def table(file: str | Path) -> dict[str, Array]:
 
 
 def measured(equations: Equations, file: str | Path, cutoff: float | None) -> Measured:
-    """The motion of a file. Raises ModelError for columns that are missing, times that do not rise
-    evenly, and positions that the loops cannot be closed at."""
+    """The motion of a file. Raises ModelError for columns that are missing and no loop tells, times
+    that do not rise evenly, and positions that the loops cannot be closed at."""
     model, columns = equations.system.model, table(file)
     names = [x.name for x in model.coordinates]
     velocities = [x.name for x in model.velocities]
@@ -102,6 +105,7 @@ def measured(equations: Equations, file: str | Path, cutoff: float | None) -> Me
     low = None if all(name in columns for name in rates) else _filter(t, columns, names, cutoff)
     smooth = low or (lambda x: x)
     q = _positions(equations, t, {n: smooth(columns[n]) for n in names if n in columns}, file)
+    _check_told(equations, file, t, q, columns)
     given = {n: smooth(columns[n]) for n in velocities if n in columns}
     v = _velocities(equations, t, q, given)
     u = np.column_stack([columns[x.name] for x in model.inputs])
@@ -223,6 +227,37 @@ def _positions(equations: Equations, t: Array, given: dict[str, Array], file: st
             )
         rows[k] = start = positions
     return rows
+
+
+def _check_told(
+    equations: Equations, file: str | Path, t: Array, q: Array, columns: dict[str, Array]
+) -> None:
+    """Raises ModelError for coordinates that neither the file nor the loops tell. At a dead centre
+    loops tell less than elsewhere, so the best of some rows counts."""
+    system = equations.system
+    missing = [k for k, x in enumerate(system.model.coordinates) if x.name not in columns]
+    if not missing:
+        return
+    solver, p = Kinematics(system), np.array(system.parameters)
+    some = np.linspace(0, len(t) - 1, LOOKED).astype(int)
+    slopes = [solver.positions(float(t[k]), q[k], p)[1][:, missing] for k in some]
+    free = min((_left_alone(J) for J in slopes), key=lambda found: found.shape[1])
+    lost = [system.model.coordinates[missing[k]].name for k in np.flatnonzero(free.any(axis=1))]
+    told = len(lost) - free.shape[1]
+    if lost:
+        near = did_you_mean(lost[0], columns) or f"it has {listed(list(columns))}"
+        names = " and ".join(f"'{name}'" for name in lost)
+        which = f"coordinates of which the loops tell {told}" if told else "which no loop tells"
+        raise ModelError(
+            f"{file} has no column {names}, {which}; {near}",
+            "columns of all coordinates but those that loops tell",
+        )
+
+
+def _left_alone(J: Array) -> Array:
+    """Directions that J leaves alone, without rounding; J may be without rows."""
+    found = null_space(np.vstack([J, np.zeros(J.shape[1])]), rcond=TOLD)
+    return np.where(np.abs(found) > TOLD, found, 0.0)
 
 
 def _velocities(equations: Equations, t: Array, q: Array, given: dict[str, Array]) -> Array:

@@ -243,6 +243,25 @@ def test_files_that_are_wrong_are_refused(motion, tmp_path, change, message):
         measured(found, tmp_path / "a.csv", None)
 
 
+def test_only_coordinates_that_loops_tell_may_be_missing(motion, tmp_path):
+    """One without a column does not stand still: a loop has to tell it, and one loop tells one."""
+    _, found, names, rows = motion
+    write(tmp_path / "a.csv", ["t", "q1", *names[-2:]], rows[:, [0, 1, -2, -1]])
+    with pytest.raises(ModelError, match="no column 'q2', which no loop tells; it has t, q1"):
+        measured(found, tmp_path / "a.csv", None)
+    tie = "constraints: {tie: {holonomic: x1 + 2*x2 - x3}}"
+    slide = "  C: {type: prismatic, parent: c2, child: c3, axis: x, coordinate: x3}\ninputs"
+    text = CARTS.replace("c2: {mass: 1 kg}", "c2: {mass: 1 kg}, c3: {mass: 1 kg}") + tie
+    tied = equations(system(load_text(text.replace("inputs", slide))))
+    motions = rows[:, [0, 1, 2, -2, -1]]
+    write(tmp_path / "b.csv", ["t", "x1", "x2", "u1", "u2"], motions)
+    q = measured(tied, tmp_path / "b.csv", None).q
+    assert q[:, 2] == pytest.approx(q[:, 0] + 2.0 * q[:, 1])
+    write(tmp_path / "c.csv", ["t", "x1", "x", "u1", "u2"], motions)
+    with pytest.raises(ModelError, match="'x2' and 'x3', coordinates of which the loops tell 1"):
+        measured(tied, tmp_path / "c.csv", None)
+
+
 def test_a_motion_that_tells_nothing_is_refused(motion, tmp_path):
     """At rest only weights are felt."""
     _, found, names, rows = motion

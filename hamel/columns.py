@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import csv
+import math
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -22,25 +24,66 @@ def file_columns(file: str | Path) -> dict[str, np.ndarray]:
     """
     is_parquet = str(file).lower().endswith(".parquet")
     result = _parquet(str(file)) if is_parquet else _csv(file)
-    if not all(np.isfinite(column).all() for column in result.values()):
-        raise ModelError(f"{file} holds what is no finite number", EXPECTED)
+    for name, column in result.items():
+        if not np.isfinite(column).all():
+            raise ModelError(f"{file}, column '{name}', holds what is no finite number", EXPECTED)
     return result
 
 
 def _csv(file: str | Path) -> dict[str, np.ndarray]:
+    """Names may be in quotes, as other programs write them; what stands behind # is a comment."""
+    names, lines = _names_and_lines(file)
     try:
-        with open(file, encoding="utf-8-sig") as lines:
-            names = [name.strip() for name in lines.readline().strip().split(",")]
-            rows = [line for line in lines if line.strip()]
-        numbers = np.loadtxt(rows, delimiter=",", ndmin=2) if rows else np.empty((0, len(names)))
-    except OSError as error:
-        raise ModelError(f"{file} cannot be read: {error.strerror or error}") from None
+        numbers = _numbers(list(lines.values()), len(names))
     except ValueError as error:
-        raise ModelError(f"{file}: {error}", EXPECTED) from None
-    if numbers.shape[1] != len(names):
-        raise ModelError(f"{file}: {len(names)} names over {numbers.shape[1]} columns", EXPECTED)
+        raise ModelError(f"{file}: {_first_wrong(names, lines) or error}", EXPECTED) from None
+    if numbers.shape[1] != len(names) or not np.isfinite(numbers).all():
+        raise ModelError(f"{file}: {_first_wrong(names, lines)}", EXPECTED)
     _check_names(file, names)
     return dict(zip(names, numbers.T))
+
+
+def _names_and_lines(file: str | Path) -> tuple[list[str], dict[int, str]]:
+    """The lines below the names that are not empty, by their numbers in the file."""
+    try:
+        with open(file, encoding="utf-8-sig") as text:
+            names = [name.strip() for name in _cells(text.readline())]
+            return names, {number: line for number, line in enumerate(text, 2) if line.strip()}
+    except OSError as error:
+        raise ModelError(f"{file} cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{file}: {error}", EXPECTED) from None
+
+
+def _cells(line: str) -> list[str]:
+    return next(csv.reader([line.strip()], skipinitialspace=True), [""])
+
+
+def _numbers(lines: list[str], columns: int) -> np.ndarray:
+    if not lines:
+        return np.empty((0, columns))
+    return np.loadtxt(lines, delimiter=",", quotechar='"', ndmin=2)
+
+
+def _first_wrong(names: list[str], lines: Mapping[int, str]) -> str:
+    """Where the first of these lines of a file, by their numbers, is no row of numbers."""
+    for number, line in lines.items():
+        text = line.partition("#")[0]
+        cells = _cells(text) if text.strip() else []
+        if cells and len(cells) != len(names):
+            count = f"({len(cells)}) than there are names ({len(names)})"
+            return f"line {number} has another number of cells {count}"
+        for name, cell in zip(names, cells):
+            if not _is_number(cell):
+                return f"line {number}, column '{name}': '{cell.strip()}' is no finite number"
+    return ""
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return math.isfinite(float(cell))
+    except ValueError:
+        return False
 
 
 def _check_names(file: str | Path, names: Iterable[str]) -> None:

@@ -89,7 +89,8 @@ def table(file: str | Path) -> dict[str, Array]:
     result = file_columns(file)
     rows = min(column.size for column in result.values())
     if rows < LEAST:
-        raise ModelError(f"{file} has {rows} rows", f"{LEAST} or more")
+        shown = "one row" if rows == 1 else f"{rows} rows"
+        raise ModelError(f"{file} has {shown}", f"{LEAST} or more")
     return result
 
 

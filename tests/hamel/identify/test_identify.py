@@ -232,8 +232,9 @@ def test_series_keep_the_limits_of_joints(motion):
         (lambda names, rows: ([*names[:-1], "tau"], rows), "no column 'tau2'"),
         (lambda names, rows: (names, rows[::-1]), "even steps"),
         (lambda names, rows: (names, rows[:5]), "5 rows"),
+        (lambda names, rows: (names, rows[:1]), "one row"),
         (lambda names, rows: (["t", "t", *names[2:]], rows), "there twice"),
-        (lambda names, rows: (names[:-1], rows), "names over"),
+        (lambda names, rows: (names[:-1], rows), "than there are names"),
     ],
 )
 def test_files_that_are_wrong_are_refused(motion, tmp_path, change, message):

@@ -72,6 +72,12 @@ def base(path: str | PathLike[str], choice: str | None) -> BaseParameters:
 def _equations(path: str | PathLike[str], choice: str | None) -> Equations:
     equations = equations_of(path, choice)
     names = {request.name for request in equations.requests}
+    if "regressor" in names and not equations.w:
+        raise AssumptionError(
+            f"{equations.system.model.name} has no freedom: its constraints decide the whole "
+            "motion, and take every force that would tell a parameter",
+            "a model without the constraint that drives it, and with its force as an input",
+        )
     if "regressor_w" not in names:
         analytic = equations.system.model.kinetic is not None
         raise AssumptionError(

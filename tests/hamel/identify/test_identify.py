@@ -263,6 +263,17 @@ def test_only_coordinates_that_loops_tell_may_be_missing(motion, tmp_path):
         measured(tied, tmp_path / "c.csv", None)
 
 
+def test_a_motion_that_constraints_decide_is_told_as_that(tmp_path):
+    """There is a body with a mass, and it moves."""
+    (tmp_path / "a.yaml").write_text(CARTS + """
+constraints:
+  a: {type: prescribed, coordinate: x1, motion: (1 m)*sin((2 rad/s)*t)}
+  b: {holonomic: x2 - x1}
+""")  # fmt: skip
+    with pytest.raises(AssumptionError, match="carts has no freedom: its constraints decide"):
+        hamel.base_parameters(tmp_path / "a.yaml")
+
+
 def test_a_motion_that_tells_nothing_is_refused(motion, tmp_path):
     """At rest only weights are felt."""
     _, found, names, rows = motion

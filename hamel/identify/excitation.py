@@ -18,7 +18,7 @@ from derive.formulations.evaluate import function_of
 from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.identify.base import Base
-from hamel.identify.limits import POINTS, ROOM, STEPS, TRIES
+from hamel.identify.limits import PEAKS, POINTS, ROOM, STEPS, TRIES
 from hamel.identify.measured import at_rows, parameters_of
 
 Array = np.ndarray
@@ -102,13 +102,17 @@ def limits(model: Model, start: Array, speed: float) -> Bounds:
 
 
 def within(coefficients: Array, omega: float, bounds: Bounds) -> Series:
-    """The series, moved and made smaller until it keeps the limits."""
+    """The series, moved and made smaller until it keeps the limits.
+
+    Between N points even a series of n harmonics is no more than 1 / cos(nπ/N) times the largest
+    value at them (Ehlich & Zeller 1964): a bound that holds at all times.
+    """
     a, b = coefficients
     none = np.zeros(len(a))
-    t = np.linspace(0.0, 2.0 * np.pi / omega, 400, endpoint=False)
+    t = np.linspace(0.0, 2.0 * np.pi / omega, PEAKS * a.shape[1], endpoint=False)
     q, rate, _ = Series(omega, none, a, b).motion(t)
     width = np.maximum(np.ptp(q, axis=0), 1e-300)
-    fastest = np.maximum(np.abs(rate).max(axis=0), 1e-300)
+    fastest = np.maximum(np.abs(rate).max(axis=0), 1e-300) / np.cos(np.pi / PEAKS)
     scale = np.minimum(ROOM * (bounds.high - bounds.low) / width, bounds.speed / fastest)
     middle = 0.5 * (bounds.high + bounds.low) - scale * 0.5 * (q.max(axis=0) + q.min(axis=0))
     return Series(omega, middle, a * scale[:, None], b * scale[:, None])

@@ -24,6 +24,7 @@ DOUBTFUL = 0.1  # of the forces: a fit that leaves more explains something else
 TRIES = 20  # random series, of which the best is improved
 STEPS = 15  # of the search
 POINTS = 12  # of time per harmonic, where the motion is judged
+PEAKS = 80  # of time per harmonic, where limits are looked at: the bound is then 0.08 % above
 ROOM = 0.95  # of the way to a limit
 
 # measured

@@ -20,6 +20,7 @@ from derive.model import load, load_text
 from derive.states import system
 from hamel.identify.base import base_parameters
 from hamel.identify.estimate import ordinary, rows_of, weighted
+from hamel.identify.excitation import Bounds, within
 from hamel.identify.fit import own_values
 from hamel.identify.measured import at_rows, measured
 
@@ -223,6 +224,15 @@ def test_series_keep_the_limits_of_joints(motion):
     _, _, names, rows = motion
     q = rows[:, [names.index("q1"), names.index("q2")]]
     assert (q.max(axis=0) <= 2.0).all() and (q.min(axis=0) >= [-2.0, -1.0]).all()
+
+
+@pytest.mark.parametrize("harmonics", [1, 5, 30])
+def test_series_keep_the_speed_between_points_too(harmonics):
+    """Speeds are looked at at some times; at all others they are below the bound as well."""
+    coefficients = np.random.default_rng(0).normal(size=(2, 50, harmonics))
+    wide = Bounds(-1e3 * np.ones(50), 1e3 * np.ones(50), 2.0)
+    _, rate, _ = within(coefficients, 1.0, wide).motion(np.linspace(0.0, 2.0 * np.pi, 20011))
+    assert np.abs(rate).max() <= 2.0 and np.abs(rate).max(axis=0).min() > 1.998
 
 
 @pytest.mark.parametrize(

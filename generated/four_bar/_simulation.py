@@ -87,8 +87,9 @@ class Simulation:
     anew on the way, `bases` times, p has the parameters of each row, with the frame in force behind
     them, which all functions take: velocity(t, x, u, p). Where inputs change, u has those of each
     row; at a jump the new ones. An event that stopped the motion is its last row, and its status
-    EVENT. Where it was asked for, error estimates how far every entry of x may be from the
-    solution. integrator is the one that stepped, also where "auto" was asked for.
+    EVENT; of many motions, whose rows are as many, it is all rows from there on. Where it was asked
+    for, error estimates how far every entry of x may be from the solution. integrator is the one
+    that stepped, also where "auto" was asked for.
     """
 
     t: np.ndarray

@@ -134,7 +134,7 @@ typedef struct {
 } four_bar_motions;
 
 /* Integrates them all. Explicit methods go several side by side, each with its own step size and its own end; others one by one.
-   Rows that a motion does not reach become NaN, and its end says why. Nothing is allocated: workspace has room for
+   Rows behind an event that stops a motion are as it was there; others that it does not reach become NaN, and its end says why. Nothing is allocated: workspace has room for
    four_bar_workspace() bytes. Returns FOUR_BAR_OK or FOUR_BAR_NO_METHOD. */
 int four_bar_simulate_batch(const four_bar_motions *motions, void *workspace);
 size_t four_bar_workspace(void);

@@ -91,8 +91,8 @@ def simulate(
 
     Many motions at a time where x, u, p, tables, t_span or times have leading axes, which broadcast: t_span (..., 2) gives each its own
     start and end. Every entry of the result has these axes. They go several side by side (explicit integrators), on `threads`
-    threads; progress is called with how many are finished. Those that cannot go on have NaN
-    from there and a `status` that says why; a RuntimeWarning counts them. Ctrl-C returns what is finished. At sample times a
+    threads; progress is called with how many are finished. Those that an event stopped stay
+    as they were there. Those that cannot go on have NaN from there and a `status` that says why; a RuntimeWarning counts them. Ctrl-C returns what is finished. At sample times a
     function gets x of all motions, (..., nx), and returns u of all; without, it is called for one at a time.
     """
     advance = getattr(_binding, "advance", _simulate.advance)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ._events import Buffers, Log
+from ._inputs import Feed
 from ._inputs import given as shaped
 from ._one_motion import Course, Integration, Samples, because
 from ._simulation import Events, Simulation, Status
@@ -41,10 +42,24 @@ def many(
     queue.run()
     inputs, feed = None, by.feed
     if feed is not None and feed.callback is None and t.ndim == 1:
-        each = np.stack([pieces.at(t) for pieces in feed.each])
-        inputs = np.broadcast_to(each, (rows, *each.shape[1:])).reshape(*lead, *each.shape[1:])
+        inputs = _shaped(_fed(queue, feed, t), lead)
     callback = feed.callback if feed else None
     return _gathered(queue, t, lead, inputs, callback.error if callback else None)
+
+
+def _fed(queue: Queue, feed: Feed, t: np.ndarray) -> np.ndarray:
+    """Inputs of tables at the rows of every motion; behind the event that stopped it those of
+    then."""
+    each = np.stack([pieces.at(t) for pieces in feed.each])
+    stopped = np.flatnonzero(queue.ends["status"] == Status.EVENT)
+    every = np.broadcast_to(each, (queue.rows, *each.shape[1:]))
+    if not stopped.size:
+        return every
+    every = every.copy()
+    for row in stopped.tolist():
+        end = queue.ends["t"][row]
+        every[row, t > end] = feed.each[row if len(feed.each) > 1 else 0].at(end)
+    return every
 
 
 def _flat(value: np.ndarray, lead: Lead, vector: bool) -> np.ndarray:
@@ -173,6 +188,10 @@ class Queue:
             if status == Status.MORE or buffers is None:
                 break
             status = self.log.emptied(buffers, course.place, self.numbers[row], status)
+        if status == Status.EVENT:  # it stays there
+            left, last = slice(int(course.state["done"][0]), None), course.here()
+            for name, value in out.items():
+                value[left] = last[name]
         if buffers:
             self.signs[row] = buffers.sign[course.place]
         end = self.ends[row]
@@ -308,7 +327,11 @@ def _controlled(
         whole.ends["status"][lost] = Status.NO_INPUT
         going = np.setdiff1d(going, lost)
         used[going, first:end] = u[going, np.newaxis]
-        if not _went_on(whole, going, u, slice(first and first + 1, end)) or error is not None:
+        went = _went_on(whole, going, u, slice(first and first + 1, end))
+        stopped = going[whole.ends["status"][going] == Status.EVENT]
+        for value in (used, *whole.rows_out.values()):
+            value[stopped, end:] = value[stopped, end - 1 : end]
+        if not went or error is not None:
             break
         x, first = whole.rows_out["x"][:, end - 1], end - 1
     whole.rows_out = {name: value[:, samples.rows] for name, value in whole.rows_out.items()}

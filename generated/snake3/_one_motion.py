@@ -102,6 +102,13 @@ class Course:
         given = (self.state, times, self.u, self.p, *by.tolerances, budget)
         return Status(by.backend.advance(*given, *out.values(), **further))
 
+    def here(self) -> Rows:
+        """The row of where it is."""
+        row = self.by.facts.rows_to_come(1)
+        self.state["done"] = 0
+        self.go(self.state["t"].copy(), 1, row)
+        return row
+
 
 class Single:
     """A motion alone, and what happened on it."""
@@ -131,10 +138,8 @@ class Single:
         """Rows up to an event that stopped the motion, and one there."""
         if status != Status.EVENT:
             return t, out
-        state, last = self.course.state, self.by.facts.rows_to_come(1)
+        state, last = self.course.state, self.course.here()
         reached = t < state["t"][0]
-        state["done"] = 0
-        self.course.go(state["t"].copy(), 1, last)
         rows = {name: np.concatenate([value[reached], last[name]]) for name, value in out.items()}
         return np.append(t[reached], state["t"]), rows
 

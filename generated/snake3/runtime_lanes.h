@@ -80,13 +80,29 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
 #endif
 }
 
-/* The end of motion number `row`: its counts, and rows that are not reached become NaN. */
+/* A row that is not reached becomes NaN. */
+static void empty_row(const Rows *rows, size_t k)
+{
+    int i;
+    rows->work[k] = NAN;
+    for (i = 0; i < NX; i++)
+        rows->x[k * NX + (size_t)i] = NAN;
+    for (i = 0; rows->reduced && i < NX; i++)
+        rows->reduced[k * NX + (size_t)i] = NAN;
+    for (i = 0; rows->v && i < VELOCITY_ROWS; i++)
+        rows->v[k * VELOCITY_ROWS + (size_t)i] = NAN;
+    if (rows->chart)
+        rows->chart[k] = -1.0;
+    for (i = 0; rows->frame && i < FRAME; i++)
+        rows->frame[k * FRAME + (size_t)i] = NAN;
+}
+
+/* The end of motion number `row`: its counts, and the rows that are left. Those of a motion that an event stopped are where it stopped. */
 static void finish(const Motions *all, size_t row, const Motion *m, int status)
 {
     const Simulation *const s = &m->s;
     End *const end = all->ends + row;
     size_t k;
-    int i;
     if (all->simulations)
         all->simulations[row] = *s;
     end->status = status;
@@ -106,19 +122,9 @@ static void finish(const Motions *all, size_t row, const Motion *m, int status)
 #if FRAME
     end->bases = s->bases;
 #endif
-    for (k = (size_t)s->done; k < all->n; k++) {
-        m->rows.work[k] = NAN;
-        for (i = 0; i < NX; i++)
-            m->rows.x[k * NX + (size_t)i] = NAN;
-        for (i = 0; m->rows.reduced && i < NX; i++)
-            m->rows.reduced[k * NX + (size_t)i] = NAN;
-        for (i = 0; m->rows.v && i < VELOCITY_ROWS; i++)
-            m->rows.v[k * VELOCITY_ROWS + (size_t)i] = NAN;
-        if (m->rows.chart)
-            m->rows.chart[k] = -1.0;
-        for (i = 0; m->rows.frame && i < FRAME; i++)
-            m->rows.frame[k * FRAME + (size_t)i] = NAN;
-    }
+    for (k = (size_t)s->done; k < all->n; k++)
+        if (status != EVENT || deliver_row(&m->run, &m->rows, k) != OK)
+            empty_row(&m->rows, k);
 }
 
 /* All motions one by one. */

@@ -130,7 +130,7 @@ typedef struct {
 } snake3_motions;
 
 /* Integrates them all. Explicit methods go several side by side, each with its own step size and its own end; others one by one.
-   Rows that a motion does not reach become NaN, and its end says why. Nothing is allocated: workspace has room for
+   Rows behind an event that stops a motion are as it was there; others that it does not reach become NaN, and its end says why. Nothing is allocated: workspace has room for
    snake3_workspace() bytes. Returns SNAKE3_OK or SNAKE3_NO_METHOD. */
 int snake3_simulate_batch(const snake3_motions *motions, void *workspace);
 size_t snake3_workspace(void);

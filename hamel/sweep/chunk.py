@@ -233,17 +233,18 @@ def _run(work: Motions, module: ModuleType, x: np.ndarray, u: np.ndarray, p: np.
             events=events,
             error=work.error,
         )
-    rows = motion.x.shape[-2]
-    t = np.tile(work.times[:rows], (len(x), 1))
-    filled = np.array(motion.x, dtype=float)
-    worked = np.array(motion.work, dtype=float)
-    for k in np.flatnonzero(np.asarray(motion.status) == Status.EVENT):
-        last = int(np.flatnonzero(motion.events.row == k)[-1])
-        behind = t[k] > motion.events.t[last]
-        t[k, behind], filled[k, behind] = motion.events.t[last], motion.events.x[last]
-        before = worked[k, ~behind]
-        worked[k, behind] = before[-1] if len(before) else 0.0
-    return Run(work, module, replace(motion, work=worked), t, filled, u, p)
+    states, worked = (np.asarray(each, dtype=float) for each in (motion.x, motion.work))
+    return Run(work, module, replace(motion, work=worked), _times(work, motion), states, u, p)
+
+
+def _times(work: Motions, motion: Any) -> np.ndarray:
+    """Of all rows; those behind the event that stopped a motion are of then, as its states are."""
+    t = np.tile(work.times, (len(motion.x), 1))
+    stopped = np.flatnonzero(np.asarray(motion.status) == Status.EVENT)
+    if len(stopped):
+        last = np.searchsorted(motion.events.row, stopped, "right") - 1
+        t[stopped] = np.minimum(t[stopped], motion.events.t[last, np.newaxis])
+    return t
 
 
 def _fed(work: Motions, module: ModuleType, u: np.ndarray) -> Any:

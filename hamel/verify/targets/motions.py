@@ -31,7 +31,7 @@ BESIDE = 0.01
 @dataclass(frozen=True)
 class Motion:
     """x at the times, from x[0] on, in so many steps; `rtol` is that of both. Rows behind an event
-    that stops the motion are NaN."""
+    that stops the motion are as it was there."""
 
     times: Array
     x: Array
@@ -105,7 +105,8 @@ def _motion(subject: Subject, row: Row, times: Array, rtol: float) -> Motion | N
         rows = subject.module.simulate((t, times[-1]), start, u, p, times=times, **tight)
     except subject.module.Stopped:
         return None
-    motion = np.full((len(times), len(start)), np.nan)
+    states = np.asarray(rows.x, dtype=float)
+    motion = np.tile(states[-1], (len(times), 1))
     reached = np.isin(times, rows.t)
-    motion[reached] = np.asarray(rows.x, dtype=float)[: np.count_nonzero(reached)]
+    motion[reached] = states[: np.count_nonzero(reached)]
     return Motion(times, motion, u, p, rtol, rows.steps)

@@ -158,6 +158,35 @@ def test_each_of_many_motions_has_its_own(spring: ModuleType, integrator: str) -
         np.testing.assert_array_equal(many.events.which[mine], one.events.which)
 
 
+@pytest.mark.parametrize("way", ["C", "numpy", "sampled", "table"])
+def test_a_stopped_one_of_many_ends_as_it_does_alone(spring: ModuleType, way: str) -> None:
+    """With its state, work and inputs of the event in all rows that are left; others go on."""
+    x, times = np.array([[1.0, 0.0], [0.2, 0.1]]), np.array([0.0, 1.0, 5.0, 9.0])
+    table = spring.Table([0.0, 2.0, 9.0], [0.4, 0.2, 0.5])
+    u = {"sampled": lambda t, x: 0.3 + 0.1 * x[..., :1], "table": {"F": table}}.get(way, [0.3])
+    how = {"times": times, "events": {"low": spring.Event(lambda t, x: x[0] + 0.1, stop=True)}}
+    how |= {"sample": 0.3} if way == "sampled" else {}
+    if way == "numpy":
+        tolerances = (1e-10, 1e-12, times, 10**6, None)
+
+        def run(x: Any) -> Any:
+            simulate = importlib.import_module(f"{spring.__name__}._simulate")
+            asked = ((0.0, 9.0), x, u, None, *tolerances)
+            return simulate.run(simulate.advance, "numpy", *asked, events=how["events"])
+    else:
+        run = functools.partial(spring.simulate, (0.0, 9.0), u=u, **how)
+    many, one, other = run(x=x), run(x=x[0]), run(x=x[1])
+    assert many.status.tolist() == [spring.Status.EVENT, spring.Status.OK] and len(one.t) == 3
+    assert abs(one.work[-1]) > 0.1
+    for name in ("x", "work", "u"):
+        rows = getattr(many, name)
+        if rows is None:
+            continue
+        np.testing.assert_allclose(rows[0, [0, 1, 2]], getattr(one, name), atol=1e-8)
+        np.testing.assert_array_equal(rows[0, 3], rows[0, 2])
+        np.testing.assert_allclose(rows[1], getattr(other, name), atol=1e-8)
+
+
 @pytest.mark.parametrize("rtol", [1e-6, 1e-11])
 @pytest.mark.parametrize("integrator", ["dop853", "verner9", "dopri5"])
 def test_what_hardly_happens_is_seen_in_lanes(

@@ -144,7 +144,7 @@ const model = await load();
 const [high, low] = model.simulate([0, 0.4, 2], [[1, 0], [0.5, 0]]);
 assert.equal(high.status, "event");
 assert(Math.abs(model.simulate([0, high.time - 1e-9], [1, 0]).x[2] + Math.PI / 4) < 1e-6);
-assert(!Number.isNaN(high.x[2]) && Number.isNaN(high.x[4]));
+assert(high.x[2] > -0.7 && Math.abs(high.x[4] + Math.PI / 4) < 1e-9);
 assert.equal(low.status, "ok");
 assert.equal(model.simulate([0, 500], [0.5, 0]).status, "ok"); // through hundreds that do not stop
 """

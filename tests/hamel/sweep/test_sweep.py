@@ -93,6 +93,22 @@ def test_motions_are_those_of_simulate(record: Swept, place: Path) -> None:
     assert max(abs(x) for x, _ in kept["balance"].highest) < 1e-6
 
 
+def test_a_stopped_motion_is_that_of_simulate(tmp_path: Path) -> None:
+    """Its work and the balance are those up to the event."""
+    low, stop = "{low: {formula: q,", "{stop: {stop: true, formula: q + 10 deg,"
+    (tmp_path / "stopped.yaml").write_text(ROD.replace(low, stop))
+    given: dict[str, Any] = {"time": 2.0, "rtol": 1e-9}
+    keep = ["w = work", "T", "end", "balance"]
+    found = hamel.sweep(
+        tmp_path / "stopped.yaml", vary={"c": [0.1, 0.2]}, keep=keep, out=tmp_path / "out", **given
+    ).to_xarray()
+    motion = hamel.simulate(tmp_path / "stopped.yaml", values={"c": 0.2}, **given).motion
+    assert motion["work"][-1] < -0.05
+    for name, column in (("w", "work"), ("T", "T"), ("end", "t")):
+        assert float(found[name][1]) == pytest.approx(motion[column][-1], abs=1e-8)
+    assert float(abs(found["balance"]).max()) < 1e-9
+
+
 def test_a_dataset_has_coordinates_and_units(record: Swept) -> None:
     found = record.to_xarray()
     assert found.sizes == {"l": 3, "sample": 40}

@@ -64,6 +64,7 @@ def made(job: Job, module: Any, number: int) -> Chunk:
         columns, status, moved = _motions(job, work, module, varied, last - first)
     else:
         parts, status = modes.columns(module, varied, last - first)
+        status[~modes.has_masses(module, work.bodies, varied)] = INADMISSIBLE
         columns, moved = {each.label: parts[each.text].copy() for each in job.kept}, 0
     good = is_good(status)
     for column in columns.values():

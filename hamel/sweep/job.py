@@ -53,6 +53,7 @@ class Modes:
     choice: str | None
     at: str | None
     values: Mapping[str, float]
+    bodies: ca.Function  # p → masses and moments of inertia
     artefact: Artefact | None = None
 
 

@@ -12,6 +12,7 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from codegen.emit import emit
@@ -19,6 +20,7 @@ from codegen.passes.lanes import LONGEST
 from codegen.runtime.simulation import Status
 from codegen.seal import VERIFICATION
 from derive.diagnostics import ToolchainError
+from derive.expressions.columns import columns_of
 from derive.formulations.frames import based
 from derive.linearize.many import steady_motions
 from derive.linearize.spectrum import eigenvalues
@@ -86,6 +88,12 @@ def _states(found: Study) -> dict[str, Any]:
         beside = [x * (1 + k * BESIDE * rng.uniform(-1, 1, x.shape)) for x in parts]
         rows.append((0.0, *beside))
     return stored(rows, plain(found))
+
+
+def has_masses(found: Study, bodies: ca.Function, varied: dict[str, np.ndarray]) -> np.ndarray:
+    """Where no mass and no moment of inertia is negative."""
+    p = found.values(varied)[0][:, : bodies.numel_in(0)]
+    return columns_of(bodies)(p.T)[0].min(axis=(0, 1)) >= 0.0
 
 
 def columns(

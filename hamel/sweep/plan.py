@@ -16,6 +16,7 @@ import hamel
 from codegen.integrators import AUTO
 from codegen.reals import real_of
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
+from derive.expressions.limits import objection
 from derive.formulations.frames import based
 from derive.linearize.steady import motion_of
 from derive.mechanics.records import System
@@ -205,7 +206,7 @@ def _own(model: Model, values: Mapping[str, float | str]) -> dict[str, float | s
 
 
 def _check_names(system: System, asked: Asked, made: Design, of_modes: bool) -> None:
-    """Refuse names that are none, and ends of ranges that the model cannot have."""
+    """Refuse names that are none, and ends of ranges that no model can have."""
     model = system.model
     known = units(model)
     parameters = {p.name for p in model.parameters}
@@ -228,8 +229,8 @@ def _check_names(system: System, asked: Asked, made: Design, of_modes: bool) -> 
         _check_indices(asked, made)
     for grid in made.grids:
         for end in {min(grid.values), max(grid.values)}:
-            if grid.name in parameters:
-                settings(model, {**_own(model, asked.values), grid.name: end})
+            if problem := objection(end):
+                raise ModelError(f"{grid.name} varies to {end:g}: {problem[0]}", problem[1])
     if asked.inputs and any(name in {i.name for i in model.inputs} for name in made.names):
         raise ModelError("inputs over time and inputs that vary do not go together")
 
@@ -268,7 +269,8 @@ def _modes(model: Model, asked: Asked, made: Design, method: Method) -> Modes:
                 f"'{name}' is set, but is no parameter and not free in '{motion.name}'"
             )
     first = {name: float(column[0]) for name, column in made.values(0, 1).items()}
-    work = Modes(model.text, model.file, method.choice, asked.at, {**values, **first})
+    bodies = least_of_bodies(system)
+    work = Modes(model.text, model.file, method.choice, asked.at, {**values, **first}, bodies)
     return replace(work, artefact=in_lanes(work)) if made.per_method >= WORTH else work
 
 

@@ -11,6 +11,9 @@ from derive.diagnostics import ToolchainError
 from hamel.optional import library
 from hamel.sweep.axes import problem
 from hamel.sweep.folder import Folder
+from hamel.sweep.job import Motions
+from hamel.sweep.kept import Kept
+from hamel.sweep.limits import SAME
 from hamel.sweep.places import RESUME
 from hamel.sweep.plan import Plan
 from hamel.sweep.work import Held, columns_in, moved_in, summary_of
@@ -71,6 +74,16 @@ def dataset(plan: Plan, folder: Folder) -> Any:
     return xarray.Dataset(variables, coordinates, about)
 
 
+def _noise(plan: Plan, each: Kept, values: np.ndarray) -> float:
+    """What values that are the same differ by: rounding, and the tolerances of what is integrated.
+    `atol` says something of states alone, whose units it is in."""
+    work, size = plan.jobs[0].work, float(np.max(np.abs(values)))
+    if not isinstance(work, Motions) or work.stepping.step_size is not None:
+        return SAME * size
+    by = work.stepping
+    return max(SAME, by.rtol) * size + (by.atol if each.text in work.states else 0.0)
+
+
 def sensitivities(plan: Plan, folder: Folder) -> tuple[dict[str, Any], list[str]]:
     """First order and total Sobol indices of every kept quantity, by SALib, where the design is
     made for them; and which quantities have none."""
@@ -89,8 +102,9 @@ def sensitivities(plan: Plan, folder: Folder) -> tuple[dict[str, Any], list[str]
                 f"no Sobol indices of {each.label}: {missing} motions of the design have no value"
             )
             continue
-        if np.ptp(values) == 0:
-            without.append(f"no Sobol indices of {each.label}: it is the same in all motions")
+        if (spread := np.ptp(values)) <= _noise(plan, each, values):
+            but = "" if spread == 0 else ", but for rounding and the tolerances"
+            without.append(f"no Sobol indices of {each.label}: it is the same in all motions{but}")
             continue
         about = problem(len(names), names)
         indices = sobol.analyze(about, values, calc_second_order=False, seed=0)

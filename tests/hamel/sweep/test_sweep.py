@@ -350,7 +350,7 @@ def test_sobol_indices(place: Path) -> None:
     found = hamel.sweep(
         place / "rod.yaml",
         vary={"q": "uniform(0.1, 0.2)", "c": "uniform(0.1, 0.11)"},
-        keep=["at(q, 0)"],
+        keep=["at(q, 0)", "same = 1e3 + 1e-10*q"],
         samples=256,
         design="saltelli",
         time=0.01,
@@ -359,6 +359,8 @@ def test_sobol_indices(place: Path) -> None:
     indices = found.sensitivities["at(q, 0)"]
     assert indices["names"] == ["q", "c"]
     assert indices["total"][0] == pytest.approx(1.0, abs=0.05) and indices["total"][1] < 1e-6
+    assert "same" not in found.sensitivities  # it varies by its last digits
+    assert any("of same: it is the same in all motions, but for round" in x for x in found.notes)
 
 
 def test_another_processor_compiles_and_one_without_a_compiler_says_so(

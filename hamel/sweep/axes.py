@@ -338,14 +338,22 @@ def _samples(sampling: Sampling, width: int) -> int:
 
 
 def _methods(name: str, given: Any) -> Grid:
+    if name in ("rtol", "step_size"):
+        return _grid(name, given, _number)
     parts = given.split(",") if isinstance(given, str) else list(given)
     texts = [part.strip() if isinstance(part, str) else part for part in parts]
-    if name in ("rtol", "step_size"):
-        try:
-            return Grid(name, tuple(float(part) for part in texts))
-        except (TypeError, ValueError):
-            raise ModelError(f"{name} varies over '{given}', which is no list of numbers") from None
     return Grid(name, tuple(str(part) for part in texts if part))
+
+
+def _number(name: str, text: str) -> float:
+    """Of a method, which has no parameters."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ModelError(
+            f"{name} varies over '{text}', which is no number",
+            f"{name}=1e-6:1e-10:5:log, or a list",
+        ) from None
 
 
 def _distribution(name: str, text: str, value: Value) -> Distribution | None:

@@ -239,6 +239,13 @@ def test_samples_do_not_depend_on_how_they_are_cut() -> None:
         assert abs(whole["a"].mean() - 0.5) < 0.03 and abs(whole["b"].std() - 1) < 0.1
 
 
+def test_numbers_of_methods_come_in_ranges() -> None:
+    vary = {"rtol": "1e-6:1e-10:5:log", "step_size": [0.1, 0.2]}
+    made = design(vary, (), Sampling(None, "random", 0), lambda name, text: 0.0)
+    assert made.methods[0].values == pytest.approx((1e-6, 1e-7, 1e-8, 1e-9, 1e-10), rel=1e-12)
+    assert made.methods[1].values == (0.1, 0.2)
+
+
 @pytest.mark.parametrize("first", [0, 1, 777, 100_000])
 def test_sobol_points_are_those_of_scipy(first: int) -> None:
     """And those far out come as fast as the first."""
@@ -277,6 +284,7 @@ def test_files_of_columns_vary_together(tmp_path: Path) -> None:
         ({"vary": {"m": "1:2:x"}}, "with 'x' values"),
         ({"vary": {"m": "1 s:2 s:3"}}, "no quantity in kg"),
         ({"vary": {"m": [1.0, 1e300]}}, "too large"),
+        ({"vary": {"rtol": "1e-6, tight"}}, "'tight', which is no number"),
         ({"vary": {"m": "1:2:3"}, "keep": ["tip.z"]}, "unknown name 'tip.z'"),
         ({"vary": {"m": "1:2:3"}, "keep": ["q + m"]}, "add"),
         ({"vary": {"m": "1:2:3"}, "keep": ["count(high)"]}, "'high' is no event"),

@@ -38,6 +38,10 @@ class Event:
     direction: int = 0
     stop: bool = False
 
+    def __post_init__(self) -> None:
+        if self.direction not in (-1, 0, 1):
+            raise ValueError(f"the direction of an event is -1, 0 or 1, not {self.direction!r}")
+
 
 Own = tuple[tuple[str, int, bool], ...]  # of the model: names, directions, stops
 
@@ -70,8 +74,6 @@ def _check(names: tuple[str, ...], events: Mapping[str, Event], own: Own) -> Non
     for name, event in events.items():
         if not callable(event.function):
             raise ValueError(f"simulate() needs a function f(t, x) for the event {name!r}")
-        if event.direction not in (-1, 0, 1):
-            raise ValueError(f"event {name!r}: a direction is -1, 0 or 1, not {event.direction!r}")
         if name in [each for each, *_ in own]:
             raise ValueError(f"the model has an event {name!r} already")
     if len(names) > MOST:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from codegen.runtime.inputs import KINDS, Table, check_cover, source
+from codegen.runtime.inputs import KINDS, Table, check_cover, sample_times, source
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, listed
 from derive.model.records import Model
 from hamel.simulate.limits import MOST_POINTS
@@ -50,7 +50,7 @@ def changes(
     if callable(given):
         if not names:
             raise ModelError(f"{model.name} has no inputs that a function could give")
-        return Changes({}, given, sample)
+        return Changes({}, given, _sample(sample, span))
     for name in given:
         if name not in names:
             near = did_you_mean(name, names) or f"it has {listed(names) or 'none'}"
@@ -62,6 +62,16 @@ def changes(
     except ValueError as error:
         raise ModelError(str(error)) from None
     return Changes(tables)
+
+
+def _sample(given: Any, span: tuple[float, float]) -> Any:
+    """The sample time, or times, if a module will take them."""
+    if given is not None and np.isfinite(span).all():
+        try:
+            sample_times(given, *span)
+        except (TypeError, ValueError) as error:
+            raise ModelError(f"sample is {given!r}: {error}") from None
+    return given
 
 
 def _table(name: str, entry: Any) -> Table:

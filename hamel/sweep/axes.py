@@ -322,6 +322,8 @@ def _samples(sampling: Sampling, width: int) -> int:
         if sampling.samples is not None and sampling.samples != 1:
             raise ModelError("samples are for what is drawn at random, and nothing is")
         return 1
+    if sampling.seed < 0:
+        raise ModelError(f"seed is {sampling.seed}, which is less than 0")
     count = 1000 if sampling.samples is None else sampling.samples
     if count < 1:
         raise ModelError(f"{count} samples are asked for", "one or more")
@@ -340,7 +342,7 @@ def _samples(sampling: Sampling, width: int) -> int:
 def _methods(name: str, given: Any) -> Grid:
     if name in ("rtol", "step_size"):
         return _grid(name, given, _number)
-    parts = given.split(",") if isinstance(given, str) else list(given)
+    parts = given.split(",") if isinstance(given, str) else _entries(given)
     texts = [part.strip() if isinstance(part, str) else part for part in parts]
     return Grid(name, tuple(str(part) for part in texts if part))
 
@@ -395,7 +397,7 @@ def _misfit(kind: str, numbers: tuple[float, ...]) -> str:
 
 def _grid(name: str, given: Any, value: Value) -> Grid:
     if not isinstance(given, str):
-        numbers = tuple(float(x) for x in np.ravel(np.asarray(given, dtype=float)))
+        numbers = tuple(_entry(name, entry, value) for entry in _entries(given))
     elif ":" in given:
         numbers = _range(name, given, value)
     else:
@@ -403,6 +405,20 @@ def _grid(name: str, given: Any, value: Value) -> Grid:
     if not numbers or not np.isfinite(numbers).all():
         raise ModelError(f"{name} varies over values that are not finite, or over none")
     return Grid(name, numbers)
+
+
+def _entries(given: Any) -> list[Any]:
+    """Of a list or an array, or the only one."""
+    return np.ravel(np.asarray(given, dtype=object)).tolist()
+
+
+def _entry(name: str, given: Any, value: Value) -> float:
+    if isinstance(given, str):
+        return value(name, given)
+    try:
+        return float(given)
+    except (TypeError, ValueError):
+        raise ModelError(f"{name} varies over {given!r}, which is no number") from None
 
 
 def _range(name: str, text: str, value: Value) -> tuple[float, ...]:

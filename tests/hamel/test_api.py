@@ -25,6 +25,24 @@ def test_every_verb_is_a_function():
     assert all(callable(getattr(hamel, name)) for name in hamel.__all__)
 
 
+@pytest.mark.parametrize(
+    ("verb", "given", "said"),
+    [
+        ("simulate", {"inputs": len, "sample": -1}, "sample is -1: .* above zero"),
+        ("sweep", {"vary": {"m": "normal(1, 2)"}, "seed": -1}, "seed is -1, which is less than 0"),
+        ("sweep", {"vary": {"m": [[1], [2, 3]]}}, r"m varies over \[1], which is no number"),
+    ],
+)
+def test_arguments_that_are_no_numbers_are_named(verb, given, said):
+    with pytest.raises(HamelError, match=said):
+        getattr(hamel, verb)(**{"path": MODELS / "snake3.yaml", **given})
+
+
+def test_directions_of_events_are_three():
+    with pytest.raises(ValueError, match="direction of an event is -1, 0 or 1, not 5"):
+        hamel.Event(len, direction=5)
+
+
 @pytest.mark.slow
 def test_the_package_verify_does_not_hide_the_verb():
     package = importlib.import_module("hamel.verify")

@@ -240,7 +240,7 @@ def test_samples_do_not_depend_on_how_they_are_cut() -> None:
 
 
 def test_numbers_of_methods_come_in_ranges() -> None:
-    vary = {"rtol": "1e-6:1e-10:5:log", "step_size": [0.1, 0.2]}
+    vary = {"rtol": "1e-6:1e-10:5:log", "step_size": ["0.1", 0.2]}
     made = design(vary, (), Sampling(None, "random", 0), lambda name, text: 0.0)
     assert made.methods[0].values == pytest.approx((1e-6, 1e-7, 1e-8, 1e-9, 1e-10), rel=1e-12)
     assert made.methods[1].values == (0.1, 0.2)

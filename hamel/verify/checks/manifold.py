@@ -281,12 +281,27 @@ def _ratio(e: Evidence, s: Sample, count: int) -> tuple[float, float, float]:
     return float(np.prod(np.sign(values)) * sign), product - float(size), row_condition(matrix)
 
 
+def _are_momenta(e: Evidence) -> bool:
+    choice = e.graph.equations.choice
+    kinds = {known.name: known.kind for known in e.system.model.choices}
+    return kinds.get(choice, choice) == "mass_orthogonal"
+
+
 def _divided_by(e: Evidence, s: Sample, x: Array) -> Array:
-    """[A; B]; in generalized velocities A M⁻¹ Aᵀ, M with Aᵀ W A where the equations add that."""
+    """[A; B]; in generalized velocities A M⁻¹ Aᵀ, M with Aᵀ W A where the equations add that.
+
+    Momenta B = Nᵀ M are made of a partition, whose pivots are those of [A; B'] with B' N = 1: as S
+    is N (Nᵀ M N)⁻¹, B' is Sᵀ M S B but for combinations of A.
+    """
     A = s.outcome.kinematics.A * e.units.v
-    if not e.graph.equations.generalized_velocities:
-        return np.vstack([A, _speed_rows(e, s, x) * e.units.v])
     M = s.outcome.M * np.outer(e.units.v, e.units.v)
+    if not e.graph.equations.generalized_velocities:
+        B = _speed_rows(e, s, x) * e.units.v
+        Y = np.vstack([A, B])
+        if not _are_momenta(e):
+            return Y
+        S = np.linalg.inv(Y)[:, len(A) :]
+        return np.vstack([A, S.T @ M @ S @ B])
     if "W" in e.graph.named:
         M = M + A.T @ np.array(e.graph.named["W"](s.t, x, s.u, s.p)) @ A
     return A @ np.linalg.solve(M, A.T)

@@ -81,6 +81,12 @@ def distinct(problems: Iterable[Diagnostic]) -> list[Diagnostic]:
     return sorted(shown, key=lambda problem: (problem.line, problem.column))
 
 
+NO_VALUE = (
+    "a formula or load may have no value there, such as the direction of a spring between points "
+    "that meet"
+)
+
+
 class HamelError(Exception):
     """Base of all errors that are somebody's to mend: `diagnostics` say what and where, `exit_code`
     is the command's."""

@@ -18,12 +18,13 @@ from math import pi
 
 import casadi as ca
 
+from derive.diagnostics import ModelError
 from derive.expressions.scalars import Scalar, Vector
 from derive.expressions.tree import ZERO
-from derive.joints.rotations import difference, dot, matrix, product, rotated, transpose
+from derive.joints.rotations import difference, dot, is_zero, matrix, product, rotated, transpose
 from derive.mechanics.frames import ground_rotation, on_ground, triad
 from derive.mechanics.scene import IN_PLANE, Scene
-from derive.model.records import Path, Waypoint
+from derive.model.records import Path, Span, Waypoint
 
 
 @dataclass(frozen=True)
@@ -45,12 +46,29 @@ class Straight:
 
 
 def path_length(scene: Scene, path: Path) -> Scalar:
-    """In m, over (t, q)."""
+    """In m, over (t, q). ModelError where two of its points in a row always meet."""
+    for first, second in pairwise(path.points):
+        if not _is_round(first) and not _is_round(second):
+            gap = difference(_ground(scene, second), _ground(scene, first))
+            check_apart(scene, gap, path.name, path.span)
     if scene.model.plane:
         axes = IN_PLANE[scene.model.plane]
         centres = [[_ground(scene, x)[k] for k in axes] for x in path.points]
         return _planar([_circle(scene, x, centre) for x, centre in zip(path.points, centres)])
     return _spatial(scene, path)
+
+
+def check_apart(scene: Scene, gap: Vector, name: str, span: Span) -> None:
+    """ModelError for two points that are one at every position: between them is no direction."""
+    if all(is_zero(x) for x in gap):
+        raise ModelError(
+            scene.model.diagnostic(
+                span,
+                f"{name}: two of its points are one and the same at every position, so that no "
+                "line from one to the other has a direction",
+                "points that can be apart: say where they are in their bodies",
+            )
+        )
 
 
 def _ground(scene: Scene, x: Waypoint) -> Vector:

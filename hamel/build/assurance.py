@@ -8,7 +8,7 @@ from types import ModuleType
 
 import casadi as ca
 
-from derive.diagnostics import VerificationError
+from derive.diagnostics import NO_VALUE, VerificationError
 from derive.formulations.charts import together
 from derive.formulations.records import Equations
 from hamel.build import store
@@ -51,7 +51,8 @@ def check_all(
     if failed:
         raise VerificationError(
             f"{equations.system.model.name}, choice {together(equations)}: "
-            f"verification failed, {then}: {'; '.join([*failed, where] if where else failed)}"
+            f"verification failed, {then}: {'; '.join([*failed, where] if where else failed)}",
+            NO_VALUE if any(check.failure.endswith("not finite") for check in checks) else "",
         )
 
 

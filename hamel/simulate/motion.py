@@ -11,7 +11,7 @@ import numpy as np
 
 from codegen.integrators import Tableau, integrator_of
 from codegen.runtime.simulation import Simulation, Status
-from derive.diagnostics import AssumptionError, listed
+from derive.diagnostics import NO_VALUE, AssumptionError, listed
 from derive.expressions.tree import ZERO
 from derive.model.records import Model
 from hamel.progress import paced
@@ -168,11 +168,7 @@ def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> A
         )
         return AssumptionError(str(error), hint)
     if not equations.system.rows:  # one choice is as good as another
-        hint = (
-            "a formula or load may have no value there, such as the direction of a spring between "
-            "points that meet, or the motion grows without bound"
-        )
-        return AssumptionError(str(error), hint)
+        return AssumptionError(str(error), f"{NO_VALUE}, or the motion grows without bound")
     hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
     coarse = by.step_size is not None or by.rtol >= FINEST
     if not coarse and status is Status.SINGULAR_POSITION:

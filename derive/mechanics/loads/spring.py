@@ -6,6 +6,7 @@ import casadi as ca
 
 from derive.joints.rotations import difference
 from derive.mechanics.loads.records import Applied, Law, in_ground
+from derive.mechanics.paths import check_apart
 from derive.mechanics.scene import Scene
 from derive.model.load_records import JointSpring, PointSpring
 
@@ -21,12 +22,14 @@ def joint_spring(scene: Scene, load: JointSpring) -> Applied:
 
 def point_spring(scene: Scene, load: PointSpring) -> Applied:
     """V = ½ k (d − length)² and, through d = |p₂ − p₁|, the damping force −damping ḋ ∂d/∂q carried
-    over to v. Singular where the two points meet."""
+    over to v. Singular where the two points meet; ModelError where they always do."""
     s = scene.symbols
     ends = [
         in_ground(scene, body, s.vector(point)) for body, point in zip(load.bodies, load.points)
     ]
-    gap = ca.vertcat(*difference(ends[1], ends[0]))
+    apart = difference(ends[1], ends[0])
+    check_apart(scene, apart, load.name, load.span)
+    gap = ca.vertcat(*apart)
     distance = ca.sqrt(ca.dot(gap, gap))
     stretch = distance - s.scalar(load.length)
     energy = 0.5 * s.scalar(load.stiffness) * stretch * stretch

@@ -356,6 +356,24 @@ def test_a_surface_without_a_slope_is_refused(kind: str) -> None:
     assert "m.yaml:8:" in str(error.value)
 
 
+@pytest.mark.parametrize("load", ["spring", "tension"])
+def test_a_line_between_points_that_always_meet_is_refused(load: str) -> None:
+    """It has no direction. A spring between points that can part is none of these."""
+    text = """model: m
+plane: xy
+bodies: {{a: {{mass: 1}}, b: {{mass: 1, inertia: 1}}}}
+joints:
+  A: {{type: revolute, parent: ground, child: a}}
+  B: {{type: revolute, parent: a, child: b, at: [0.5, 0]}}
+loads: {{s: {{type: {}, between: [a, b], at: [[0.5, 0], [{}, 0]], {}: 3}}}}
+"""
+    law = {"spring": "stiffness", "tension": "tension"}[load]
+    with pytest.raises(ModelError, match="s: two of its points are one") as error:
+        system(load_text(text.format(load, 0, law), "m.yaml"))
+    assert "m.yaml:7:" in str(error.value)
+    assert system(load_text(text.format(load, 0.1, law))).Q.nnz()
+
+
 def test_a_reaction_in_a_load_equals_the_nonideal_constraint() -> None:
     """Rolling resistance said as a load and as the constraint's own force."""
     rows = "constraints: {{h: {{holonomic: y - r{}}}, c: {{nonholonomic: der(x) - der(s) + r*der(th)}}}}\n"

@@ -239,3 +239,71 @@ def test_modules_with_a_frame_and_with_charts_land_alike(tmp_path: Path) -> None
     ends = [[run.final[name] for name in ("x", "y", "heading")] for run in runs]
     assert np.abs(np.subtract(ends, ends[0])).max() < 1e-8
     assert all(run.landings == runs[0].landings >= 2 for run in runs)
+
+
+# q is given; its velocity jumps at 1 s, begins to grow there, or goes on as it was
+DRIVEN = """model: driven
+plane: xy
+bodies: {{a: {{mass: 1 kg, inertia: 0.1}}, b: {{mass: 1 kg, com: [0.2 m, 0], inertia: 0.1}}}}
+joints:
+  j: {{type: revolute, parent: ground, child: a, coordinate: q}}
+  k: {{type: revolute, parent: a, child: b, at: [0.3 m, 0], coordinate: p}}
+constraints: {{m: {{type: prescribed, joint: j, motion: "piecewise(t, {}, 1 s, {})"}}}}
+"""
+FROM_REST = DRIVEN.format("0 rad", "(2 rad/s)*(t - 1 s)")
+BACK = DRIVEN.format("(-1 rad/s)*(t - 1 s)", "(2 rad/s)*(t - 1 s)")
+BEGINNING = DRIVEN.format("0 rad", "(2 rad/s^2)*(t - 1 s)^2")
+STEADY = DRIVEN.format("(2 rad/s)*(t - 1 s)", "(2 rad/s)*(t - 1 s)")
+ROWS = ([0.0, 1.0, 2.0], [0.0, 0.3, 1.0 - 1.1e-16, 2.0], [0.0, 2.0])
+
+
+def driven(text: str, base: Path) -> ModuleType:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
+        made = program(equations_of_text(text), ("dynamics",), QUICK)
+        return loader.load(published(made, base / "driven").folder)
+
+
+@WITH_COMPILER
+@pytest.mark.parametrize(("text", "q"), [(FROM_REST, 0.0), (BACK, 1.0)], ids=["rest", "back"])
+def test_a_velocity_that_constraints_make_jump_is_a_blow(
+    text: str, q: float, tmp_path: Path
+) -> None:
+    """Quasi-velocities go on as they were through what is no blow; here the motion ends, wherever
+    rows are. It went on with the pendulum's momentum changed by nothing."""
+    module, start = driven(text, tmp_path), [q, 0.3, 0.5]
+    simulate = importlib.import_module(f"{module.__name__}._simulate")
+    library = importlib.import_module(f"{module.__name__}._library")
+    for rows in ROWS:
+        for how in ({}, {"integrator": "rk4", "step_size": 0.01}):
+            with pytest.raises(module.Stopped, match="a prescribed velocity") as stop:
+                module.simulate(rows, start, **how)
+            assert 0.99 < float(str(stop.value).partition(" t = ")[2].partition(":")[0]) < 1.0
+            for way, advance in (("numpy", simulate.advance), ("ctypes", library.advance)):
+                given = (rows, start, None, [], 1e-9, 1e-9, None, 10**6, None)
+                with pytest.raises(FloatingPointError, match="a prescribed velocity"):
+                    simulate.run(advance, way, *given, **how)
+    starts = np.add(start, [[0.0, 0.0, 0.1 * k] for k in range(9)])
+    with pytest.warns(RuntimeWarning, match="9 of 9 motions ended early"):
+        many = module.simulate(ROWS[0], starts)
+    assert set(many.status.tolist()) == {int(module.Status.JUMP)}
+
+
+@WITH_COMPILER
+@pytest.mark.parametrize("text", [BEGINNING, STEADY], ids=["beginning", "steady"])
+def test_what_begins_at_a_row_is_no_blow(text: str, tmp_path: Path) -> None:
+    """The step that ends there knows nothing of what comes, and the next one nothing of what was:
+    the motion is that of two runs."""
+    module = driven(text, tmp_path)
+    simulate = importlib.import_module(f"{module.__name__}._simulate")
+    start = [0.0 if text == BEGINNING else -2.0, 0.3, 0.5]
+    exact = {"rtol": 1e-12, "atol": 1e-12}
+    half = module.simulate([0.0, 1.0 - 1e-15], start, **exact).x[-1]
+    end = module.simulate([1.0, 2.0], half, **exact).x[-1]
+    for rows in ROWS:
+        for how in ({}, {"integrator": "rk4", "step_size": 0.01}):
+            own = module.simulate(rows, start, **how)
+            given = (rows, start, None, [], 1e-10, 1e-10, None, 10**6, None)
+            other = simulate.run(simulate.advance, "numpy", *given, **how)
+            for result in (own, other):
+                assert np.abs(result.x[-1] - end).max() < 1e-6

@@ -14,6 +14,9 @@ TIGHTEST = 1e-15  # rtol; below it a step's error is rounding
 # motion
 FINEST = 1e-10  # rtol; rounding grows near singular positions
 MOST_STEPS = 10**9  # enough for a night; Ctrl-C ends it any time
+LOOKED_BACK = 16  # looks at a motion, 5,000 steps apart; as many before are compared with these
+STANDING = 1e-6  # of the whole time: what both cover together where a motion stands still
+SLOWER = 0.8  # of what the earlier ones covered
 
 # stiffness
 # |λ| of the fastest motion times the mean step, from which on stability and not accuracy makes the

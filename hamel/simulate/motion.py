@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from types import ModuleType
@@ -17,7 +18,7 @@ from derive.model.records import Model
 from hamel.progress import paced
 from hamel.simulate.inputs import Changes
 from hamel.simulate.libraries import Problem, library_of
-from hamel.simulate.limits import FINEST, MOST_STEPS
+from hamel.simulate.limits import FINEST, LOOKED_BACK, MOST_STEPS, SLOWER, STANDING
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
@@ -97,7 +98,9 @@ def integrated(
     AssumptionError where the motion comes to a singular position or the integrator cannot go on.
     """
     library = library_of(by.integrator)
-    watch = _Covered(paced(progress, float(start.times[-1] - start.times[0]), _haste(by)))
+    span = float(start.times[-1] - start.times[0])
+    told = paced(progress, span, _haste(by))
+    watch = Covered(told, span, f"{module.name}.simulate", float(start.times[0]))
     try:
         if library is not None:
             at = (start.times, start.x, start.u, start.p)
@@ -140,17 +143,35 @@ def _own(
     )
 
 
-class _Covered:
-    """How far a motion came, told on."""
+class Covered:
+    """How far a motion came, told on. Ends one that comes to a standstill before a place where its
+    branch cannot be told: steps become shorter from look to look, and none too short."""
 
-    def __init__(self, watch: Callable[[float], None] | None) -> None:
-        self.watch = watch
+    def __init__(
+        self, watch: Callable[[float], None] | None, span: float, name: str, first: float
+    ) -> None:
+        self.watch, self.span, self.name, self.first = watch, span, name, first
+        self.reached: deque[float] = deque(maxlen=2 * LOOKED_BACK + 1)
         self.covered = 0.0
 
     def __call__(self, covered: float) -> None:
         self.covered = covered
+        self.reached.append(covered)
+        if self._stands():
+            raise AssumptionError(
+                f"{self.name} comes no further than t = {self.first + covered:g}: its steps become "
+                "shorter and shorter there",
+                "the position may be singular, and constraints depend on each other there: an "
+                "event with `stop: true` may end the motion before",
+            )
         if self.watch is not None:
             self.watch(covered)
+
+    def _stands(self) -> bool:
+        if len(self.reached) < 2 * LOOKED_BACK + 1:
+            return False
+        before, middle, last = (self.reached[k] for k in (0, LOOKED_BACK, -1))
+        return last - before < STANDING * self.span and last - middle < SLOWER * (middle - before)
 
 
 def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> AssumptionError:

@@ -7,6 +7,7 @@ Of hamel.simulate: automatic, files, inputs, limits, method, motion, record.
 import csv
 import math
 import xml.etree.ElementTree as ET
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ import hamel
 from derive.diagnostics import AssumptionError, HamelError, ModelError
 from hamel import progress
 from hamel.simulate.energies import largest_error
+from hamel.simulate.motion import Covered
 from tests.scenes import MODELS
 
 FOUR_BAR = MODELS / "four_bar.yaml"
@@ -272,3 +274,25 @@ def test_the_rounding_of_a_structure_at_rest_is_no_energy_that_came_from_nowhere
     record = hamel.simulate(path, time=1.0)
     assert record.final["q1"] == pytest.approx(math.pi / 3)
     assert record.energy_balance == 0.0
+
+
+@pytest.mark.parametrize(
+    ("paces", "stands"),
+    [
+        ([0.3] + [1e-6 / k**2 for k in range(1, 200)], True),  # to a place it never reaches
+        ([1e-8] * 200, False),  # stiff, but it comes on
+        ([1e-9 * 1.02**k for k in range(200)], False),  # the worst is over
+        ([1.0 / k**2 for k in range(1, 60)], False),
+    ],
+)
+def test_a_motion_that_comes_to_a_standstill_ends(paces: list[float], stands: bool) -> None:
+    """Of a delta robot whose platform came free the steps became shorter for ever."""
+    watch = Covered(None, 1.0, "m.simulate", 2.0)
+    ends = (
+        pytest.raises(AssumptionError, match=r"no further than t = 2\.3")
+        if stands
+        else nullcontext()
+    )
+    with ends:
+        for covered in np.cumsum(paces).tolist():
+            watch(covered)

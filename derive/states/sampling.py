@@ -131,11 +131,15 @@ def _nothing(system: System) -> States:
 
 
 def _times(system: System, rng: np.random.Generator, many: int) -> np.ndarray:
+    return rng.uniform(0.0, 2.0, many) if depends_on_time(system) else np.zeros(many)
+
+
+def depends_on_time(system: System) -> bool:
+    """Whether time stands in anything that the motion is made of."""
     # gravity and inertias do not change: of a long tree time is in the loads alone
     forces = (system.h_extra, system.Q) if system.long else (system.h, system.Q, system.V)
     everything = (system.phi, system.c, ca.vec(system.A), *forces, system.qdot)
-    moving = ca.depends_on(ca.vertcat(*everything), system.t)
-    return rng.uniform(0.0, 2.0, many) if moving else np.zeros(many)
+    return bool(ca.depends_on(ca.vertcat(*everything), system.t))
 
 
 def _parameters(system: System, rng: np.random.Generator, many: int, vary: float) -> np.ndarray:

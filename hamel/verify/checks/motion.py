@@ -21,6 +21,7 @@ from derive.expressions.tree import Expression, Name, walk
 from derive.model.kinks import switches
 from derive.model.records import Model
 from derive.states.closing import normalised
+from derive.states.sampling import depends_on_time
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import sizes, worst
 from hamel.verify.checks.evidence import Evidence
@@ -128,6 +129,9 @@ def backwards(e: Evidence) -> float | None:
 
 
 def _reversible(e: Evidence) -> bool:
+    # no two times tell of what is periodic in their distance
+    if depends_on_time(e.system):
+        return False
     return all(_even(e, s, t) for s in e.samples[:3] for t in (s.t, s.t + e.units.time))
 
 

@@ -26,6 +26,9 @@ gravity: [0, 0, -9.81 m/s^2]
 bodies: {bob: {mass: 1 kg, com: [0, 0, -0.5 m], inertia: [0.1, 0.1, 0.1]}}
 joints: {pin: {type: revolute, parent: ground, child: bob, axis: x, coordinate: q, damper: 0.1 N*m*s/rad}}
 """
+PERIODIC = """
+loads: {motor: {type: expression, joint: pin, expression: "(2 N*m)*sin(2*pi*(1 Hz)*t)"}}
+"""
 
 
 def value(seen, name):
@@ -124,6 +127,17 @@ def test_a_motion_that_cannot_come_back_is_not_asked_to():
     chosen = equations(system(model))
     with temporary_module(chosen) as module:
         assert value(evidence(reference(model), chosen, module, 4), "there and back") is None
+
+
+def test_a_load_whose_period_is_the_unit_of_time_is_not_asked_to_come_back():
+    """Unlike the same bar without it."""
+    driven = DAMPED.replace("0.1 N*m*s/rad", "0") + PERIODIC
+    for text, asked in ((driven, False), (DAMPED.replace("0.1 N*m*s/rad", "0"), True)):
+        model = load_text(text)
+        chosen = equations(system(model))
+        with temporary_module(chosen) as module:
+            error = value(evidence(reference(model), chosen, module, 4), "there and back")
+        assert (error is not None) == asked
 
 
 def test_code_that_is_wrong_without_optimisation_is_caught(free):

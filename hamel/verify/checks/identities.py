@@ -11,6 +11,7 @@ from hamel.verify.checks.agreement import violated
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, slope, worst
 from hamel.verify.checks.evidence import Evidence
+from hamel.verify.checks.kinks import step_within_piece
 from hamel.verify.checks.samples import Sample, Terms
 from hamel.verify.limits import SOLVED
 from hamel.verify.reference.outcome import Kinematics, energies, mass, state_of
@@ -42,15 +43,18 @@ def energy_rate(e: Evidence) -> float:
 
 
 def _balance(e: Evidence, s: Sample, t: Terms, vdot: Array, claims: tuple[float, ...]) -> float:
-    def energy(time: float) -> Array:
+    def there(time: float) -> State:
         full = s.full_with(s.z + time * s.outcome.zdot)
-        there = state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, full)
-        return np.array(energies(e.reference, there).total)
+        return state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, full)
+
+    def energy(time: float) -> Array:
+        return np.array(energies(e.reference, there(time)).total)
 
     o = s.outcome
     span = step(e, s, vdot)
     if span == 0.0:  # v̇ is infinite
         return np.inf
+    span = step_within_piece(e, there, span)
     gain, doubt = slope(energy, span)
     doubt = doubt + TWO_STEPS * (abs(t.T) + o.summed.V) / span
     flows = (
@@ -73,12 +77,15 @@ def rows_rate(e: Evidence) -> float | None:
 
 
 def _drift(e: Evidence, s: Sample, t: Terms, vdot: Array) -> float:
+    def there(time: float) -> State:
+        return state_of(e.reference, s.t + time, *_moved(s, vdot, time), s.u, s.full)
+
     def violation(time: float) -> Array:
         q, v = _moved(s, vdot, time)
-        there = e.terms_at(s.t + time, q, v, s.u, s.given)
-        return there.A @ v - there.c
+        here = e.terms_at(s.t + time, q, v, s.u, s.given)
+        return here.A @ v - here.c
 
-    drift, doubt = slope(violation, step(e, s, vdot))
+    drift, doubt = slope(violation, step_within_piece(e, there, step(e, s, vdot)))
     return worst(
         drift / (e.units.beta + np.abs(t.beta) + np.abs(t.A) @ np.abs(vdot) + doubt / DIFFERENCES)
     )
@@ -93,11 +100,15 @@ def beta_rate(e: Evidence) -> float | None:
 
 
 def _beta(e: Evidence, s: Sample, t: Terms) -> float:
-    def violation(time: float) -> Array:
-        there = e.terms_at(s.t + time, s.q + time * t.qdot, s.v, s.u, s.given)
-        return there.A @ s.v - there.c
+    def there(time: float) -> State:
+        return state_of(e.reference, s.t + time, s.q + time * t.qdot, s.v, s.u, s.full)
 
-    rate, doubt = slope(violation, step(e, s, s.v / e.units.time))
+    def violation(time: float) -> Array:
+        here = e.terms_at(s.t + time, s.q + time * t.qdot, s.v, s.u, s.given)
+        return here.A @ s.v - here.c
+
+    span = step_within_piece(e, there, step(e, s, s.v / e.units.time))
+    rate, doubt = slope(violation, span)
     return worst((rate + t.beta) / (e.units.beta + np.abs(t.beta) + doubt / DIFFERENCES))
 
 
@@ -114,13 +125,14 @@ def _gap_rate(e: Evidence, s: Sample, v: Array) -> float:
     holonomic = [row for row, about in enumerate(e.system.rows) if about.position >= 0]
     order = [e.system.rows[row].position for row in holonomic]
 
+    def there(time: float) -> State:
+        return state_of(e.reference, s.t + time, s.q + time * here.qdot, v, s.u, s.full)
+
     def gap(time: float) -> Array:
         return e.terms_at(s.t + time, s.q + time * here.qdot, v, s.u, s.given).phi
 
-    rate, doubt = (
-        x[order]
-        for x in slope(gap, 1e-3 * e.units.time / max(1.0, worst(here.qdot / e.units.qdot)))
-    )
+    span = 1e-3 * e.units.time / max(1.0, worst(here.qdot / e.units.qdot))
+    rate, doubt = (x[order] for x in slope(gap, step_within_piece(e, there, span)))
     wanted = (here.A @ v - here.c)[holonomic]
     return worst(
         (rate - wanted)

@@ -9,7 +9,7 @@ not looked for.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from hamel.verify.checks.check import Check
 from hamel.verify.checks.evidence import Evidence, Row
 from hamel.verify.checks.motion import sides
 from hamel.verify.reference.contact import turning
-from hamel.verify.reference.outcome import evaluate, state_of
+from hamel.verify.reference.outcome import Reference, evaluate, state_of
 from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
@@ -33,6 +33,8 @@ FLAT = 1e-9  # of the largest force: rounding and curvature leave no larger jump
 STRAIGHT = 1e-6  # … and of that per line, no larger bend
 BENT = 1e-3  # of the slopes: a smaller difference of them is curvature
 LASTS = 0.5  # of a jump or bend, at a tenth of the distance: of curvature a tenth is left
+REACH = 2.0  # of a step: how far differences of five points look
+SHORTER = (1.0, 1 / 4, 1 / 16, 1 / 64, 1 / 256)  # of it; what is nearer to a kink hardly ever is
 
 
 def kinks(e: Evidence) -> float | None:
@@ -87,10 +89,7 @@ class Line:
 
     def sides(self, place: float) -> Array:
         """What changes its sign where a formula or a contact goes on to another piece."""
-        state, model = self.state(place), self.e.reference.model
-        contacts = [x for x in model.loads if isinstance(x, Contact)]
-        touching = [y for x in contacts for y in turning(x, model.plane, state)]
-        return np.array([*(state.value(side) for side in sides(model)), *touching])
+        return _sides_at(self.e.reference, self.state(place))
 
     def turn(self, which: int, before: float, after: float) -> float:
         """The place where one of them does, between two places."""
@@ -130,6 +129,26 @@ class Line:
         """Whether some entry of the function changes its sign there."""
         before, after = (self.e.graph("kinks", *self.row(place + way)) for way in (-NEAR, NEAR))
         return bool(np.any(np.ravel(before) * np.ravel(after) < 0.0))
+
+
+def _sides_at(ref: Reference, state: State) -> Array:
+    contacts = [x for x in ref.model.loads if isinstance(x, Contact)]
+    touching = [y for x in contacts for y in turning(x, ref.model.plane, state)]
+    return np.array([*(state.value(side) for side in sides(ref.model)), *touching])
+
+
+def step_within_piece(e: Evidence, at: Callable[[float], State], step: float) -> float:
+    """The step of differences along `at`, shortened where they would look across a kink: there no
+    order holds, and two steps may by chance agree on what is wrong."""
+
+    def is_within(share: float) -> bool:
+        ends = (_sides_at(e.reference, at(way * share * step)) for way in (-REACH, REACH))
+        return all(np.array_equal(np.sign(end), here) for end in ends)
+
+    here = np.sign(_sides_at(e.reference, at(0.0)))
+    if not len(here):
+        return step
+    return step * next(filter(is_within, SHORTER), SHORTER[-1])
 
 
 CHECKS = (

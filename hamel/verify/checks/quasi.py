@@ -12,9 +12,11 @@ from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, sizes, slope, worst
 from hamel.verify.checks.evidence import Evidence, roundoff
 from hamel.verify.checks.identities import DIFFERENCES, step
+from hamel.verify.checks.kinks import step_within_piece
 from hamel.verify.checks.samples import Sample
 from hamel.verify.limits import SOLVED
 from hamel.verify.reference.outcome import evaluate, mass, state_of, still_forces
+from hamel.verify.reference.states import State
 from hamel.verify.reference.vectors import Array
 
 
@@ -144,12 +146,16 @@ def _rounding(e: Evidence) -> list[Array]:
 def _skew(e: Evidence, s: Sample, v: Array, C: Array, rounding: Array) -> float:
     rate = state_of(e.reference, s.t, s.q, v, s.u, s.full).rates
 
+    def moved(time: float) -> State:
+        return state_of(e.reference, s.t, s.q + time * rate, v, s.u, s.full)
+
     def inertia(time: float) -> Array:
-        there = state_of(e.reference, s.t, s.q + time * rate, v, s.u, s.full)
+        there = moved(time)
         S = _partial(e, s, s.t, there.q)
         return S.T @ mass(e.reference, there, e.kinematics(there)) @ S
 
-    change, doubt = slope(inertia, step(e, s, s.v / e.units.time))
+    span = step_within_piece(e, moved, step(e, s, s.v / e.units.time))
+    change, doubt = slope(inertia, span)
     unit = e.units.energy * np.outer(1.0 / e.units.w, 1.0 / e.units.w) / e.units.time
     size = unit + np.abs(change) + np.max(np.abs(C / unit), initial=0.0) * unit
     doubt = doubt + rounding + rounding.T

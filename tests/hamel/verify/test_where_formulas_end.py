@@ -1,6 +1,6 @@
 """Checks where formulas have no value, or bend within a length that differences step across.
 
-Of hamel.verify.checks: quasi, linear, steps.
+Of hamel.verify.checks: quasi, linear, steps, kinks, identities.
 Of hamel.verify.reference: outcome, loads.
 """
 
@@ -19,7 +19,7 @@ from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.model import load_text
 from derive.states import system
-from hamel.verify.checks import linear, quasi
+from hamel.verify.checks import identities, linear, quasi
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.evidence import Evidence
 from hamel.verify.reference.outcome import reference
@@ -211,3 +211,40 @@ def test_a_state_where_the_reference_alone_has_a_value_is_kept() -> None:
     spoiled = evidence(found.reference, replace(ours, functions=functions), states=20)
     failed = [check.name for check in results(spoiled) if not check.passed]
     assert "outputs" in failed
+
+
+STEPPING = """
+model: stepping
+plane: xy
+bodies: {a: {mass: 1 kg, inertia: 0.1}}
+joints: {j: {type: revolute, parent: ground, child: a, coordinate: q}}
+constraints: {m: {type: prescribed, joint: j, motion: "MOTION"}}
+tables: {profile: {points: [[0, 0], [0.3, 0], [0.8, 0.5], [1.5, 2], [2, 2]], units: [s, rad], smooth: C1}}
+"""
+
+
+@pytest.mark.parametrize(
+    "motion, seed",
+    [
+        ("(2 rad/s^2)*ramp(t - 0.3 s)^2", 2),
+        ("(1 rad/s^2)*(t - 1 s)*abs(t - 1 s)", 0),
+        ("(2 rad/s^2)*max(t - 0.6 s, 0 s)^2", 0),
+        ("(3 rad/s^2)*(t - 0.7 s)^2*step(t - 0.7 s)", 4),
+        ("piecewise(t, 0, 0.5 s, (2 rad/s^2)*(t - 0.5 s)^2)", 10),
+        ("profile(t)", 2),
+    ],
+)
+def test_no_difference_reaches_across_a_step_in_the_acceleration(motion, seed):
+    """Of 100 random times some are so near that two step sizes agree on what is wrong; what is
+    wrong elsewhere is seen as before."""
+    model = load_text(STEPPING.replace("MOTION", motion))
+    seen = evidence(reference(model), equations(system(model)), None, 100, seed)
+    rates = (identities.rows_rate, identities.beta_rate, identities.positions_rate)
+    assert all(rate(seen) < 1e-10 for rate in rates)
+
+    def wrong(*place):
+        right = seen.terms_at(*place)
+        return replace(right, beta=right.beta + 1e-6, c=right.c + 1e-6 * np.sin(place[0]))
+
+    planted = replace(seen, terms_at=wrong)
+    assert all(rate(planted) > 1e-7 for rate in rates)

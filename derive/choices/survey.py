@@ -275,7 +275,7 @@ def evened(matrices: Sparse) -> Sparse:
 
 
 def survey_of(system: System, moving: bool = False) -> Survey:
-    """The survey of a system. Raises AssumptionError where no consistent state can be found to look
+    """The survey of a system. Raises HamelError where no consistent state can be found to look
     at: ranks and pivots are judged at admissible states alone, as off φ = 0 rows that repeat others
     look independent."""
     result = Survey(system, moving)

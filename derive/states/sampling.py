@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from derive.diagnostics import AssumptionError, Diagnostic, listed
+from derive.diagnostics import AssumptionError, Diagnostic, HamelError, ModelError, listed
 from derive.mechanics.records import System
 from derive.numerics import NONZERO, refuses_numerically
 from derive.states.closing import Kinematics, closed, nominal, normalised
+from derive.states.initial import initial_state
 from derive.states.limits import (
     CLOSED,
     CONTRADICTION,
@@ -52,8 +53,13 @@ class States:
     p: np.ndarray
 
 
-def no_states(system: System) -> AssumptionError:
-    """What is told of a system of which no admissible state is found."""
+def no_states(system: System) -> HamelError:
+    """What is told of a system of which no admissible state is found: where its initial state
+    cannot be made consistent, which row is off."""
+    try:
+        initial_state(system)
+    except ModelError as error:
+        return error
     message = "no configuration near the initial values satisfies the constraints"
     if not system.rows:
         message = (

@@ -114,8 +114,11 @@ def test_what_cannot_be_welded_is_refused_by_name(tmp_path):
     text = text.replace("coordinates: [x, y, a]", "coordinate: a")
     text = text.replace("at: [[0, 0], [0, 0]]", "at: [[1, 0], [0, 0]]")
     found = _read(tmp_path, text)
-    with pytest.raises(ModelError, match=r"no configuration near .* \(c\.x is off by -1\)"):
+    with pytest.raises(ModelError, match=r"no configuration near .* \(c\.x is off by -1\)") as told:
         initial_state(found)
+    with pytest.raises(ModelError) as also:  # deriving needs states too, and has no more to say
+        equations(found)
+    assert str(also.value) == str(told.value) and also.value.diagnostics[0].line > 0
 
 
 STEEP = """

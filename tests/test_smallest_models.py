@@ -78,8 +78,13 @@ def test_choices_of_a_body_without_inertia_say_that_it_has_none(tmp_path):
     point = SLIDER | {
         "joints": {"C": {"type": "revolute", "parent": "ground", "child": "c", "axis": "z"}}
     }
-    with pytest.raises(AssumptionError, match="nothing determines the acceleration of body c"):
-        hamel.choices(written(tmp_path, point))
+    path = written(tmp_path, point)
+    for verb in (hamel.choices, hamel.check):
+        with pytest.raises(AssumptionError, match="determines the acceleration of body c") as told:
+            verb(path)
+        (problem,) = told.value.diagnostics
+        assert problem.source_line[problem.column - 1 :].startswith("c")
+        assert "do not turn it" in problem.expected and "formulation" not in str(problem)
 
 
 SCREWED = SLIDER | {

@@ -11,6 +11,7 @@ from derive.choices.survey import Survey, survey_of
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.charts import BETWEEN, charted, covered
 from derive.formulations.configuration import configuration, is_plain
+from derive.formulations.fitness import check_determined
 from derive.formulations.formulation import Formulation
 from derive.formulations.manifold import manifold
 from derive.formulations.methods import FORMULATIONS
@@ -42,11 +43,13 @@ def equations(
 
     Several choices, `a+b`, are charts of one module; with `charts` a choice that is not named gets
     further ones where no choice is safe. With `moving` directions that a choice is based on are
-    data, as generated modules have them. Raises AssumptionError for an unknown name, where the
-    formulation does not fit the system, and where the choice does not fit the constraints.
+    data, as generated modules have them. Raises AssumptionError for an unknown name, where nothing
+    determines some acceleration, where the formulation does not fit the system, and where the
+    choice does not fit the constraints.
     """
     asked, survey = named(formulation), survey_of(system, moving)
     wanted = [declared(system, name) for name in _names(choice)]
+    check_determined(survey)
     reason = asked.misfit(survey)
     if reason:
         raise AssumptionError(

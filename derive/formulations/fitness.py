@@ -14,13 +14,19 @@ import numpy as np
 
 from derive.choices.pivots import sampled
 from derive.choices.survey import Survey
-from derive.diagnostics import listed
+from derive.diagnostics import AssumptionError, listed
 from derive.formulations.limits import MASSLESS, NULL, TAKES_PART
 from derive.joints.rotations import is_zero
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
 
 Misfit = Callable[[Survey], str]
+INERTIA = (
+    "inertia of that body, or joints that do not turn it: of the type point in a plane, and three "
+    "of the type prismatic in space"
+)
+BODY_MASS = "a mass of that body"
+MASS = "a mass or an inertia in the kinetic energy, or a constraint"
 
 
 def first_of(*reasons: Misfit) -> Misfit:
@@ -44,10 +50,11 @@ def singular(survey: Survey) -> str:
     some direction. "" where M is positive definite at most sampled states."""
     if survey.system.definite:
         return ""
-    where = _null_velocities(survey, masses(survey))
+    columns = _null_velocities(survey, masses(survey))
     return (
-        f"the mass matrix is singular at {where}: use udwadia_phohomsiri or quasi_velocities"
-        if where
+        f"the mass matrix is singular at {_places(survey.system, columns)}: use "
+        "udwadia_phohomsiri or quasi_velocities"
+        if columns
         else ""
     )
 
@@ -55,17 +62,38 @@ def singular(survey: Survey) -> str:
 def undetermined(survey: Survey) -> str:
     """rank [M; A] < nv: neither inertia nor a constraint determines some acceleration. Then no
     formulation has an answer, as SᵀM S is singular for every choice."""
+    columns = _undetermined(survey)
+    return _undetermined_in_words(survey.system, columns) if columns else ""
+
+
+def check_determined(survey: Survey) -> None:
+    """Raises AssumptionError at the first body or coordinate whose acceleration nothing
+    determines."""
+    columns = _undetermined(survey)
+    if not columns:
+        return
+    model = survey.system.model
+    velocity = model.velocities[columns[0]]
+    joint = next((joint for joint in model.joints if joint.name == velocity.owner), None)
+    advice = MASS if joint is None else INERTIA if velocity.unit == "rad/s" else BODY_MASS
+    message = _undetermined_in_words(survey.system, columns)
+    span = velocity.span if joint is None else model.body(joint.child).span
+    raise AssumptionError(model.diagnostic(span, message, advice))
+
+
+def _undetermined(survey: Survey) -> list[int]:
     if survey.system.definite:
-        return ""
+        return []
     M = masses(survey)
-    where = _null_velocities(
-        survey, [np.vstack([m, A]) for m, A in zip(M, survey.rows)] if survey.system.rows else M
-    )
-    if not where:
-        return ""
+    if not survey.system.rows:
+        return _null_velocities(survey, M)
+    return _null_velocities(survey, [np.vstack([m, A]) for m, A in zip(M, survey.rows)])
+
+
+def _undetermined_in_words(system: System, columns: list[int]) -> str:
     return (
-        f"rank [M; A] is less than {survey.system.v.numel()}: nothing determines the "
-        f"acceleration of {where}; give it inertia"
+        f"rank [M; A] is less than {system.v.numel()}: nothing determines the "
+        f"acceleration of {_places(system, columns)}"
     )
 
 
@@ -110,15 +138,14 @@ def _scaled(M: np.ndarray) -> np.ndarray:
     return M / np.outer(size, size)
 
 
-def _null_velocities(survey: Survey, matrices: list[np.ndarray]) -> str:
-    """Where the null directions are that most sampled states have; "" where most have none."""
+def _null_velocities(survey: Survey, matrices: list[np.ndarray]) -> list[int]:
+    """Those with a part in null directions that most sampled states have; none where most have
+    none."""
     spaces = [_null_space(x) for x in matrices]
     if not spaces or np.median([space.shape[1] for space in spaces]) == 0:
-        return ""
+        return []
     weights = np.max([np.linalg.norm(space, axis=1) for space in spaces if space.shape[1]], axis=0)
-    return _places(
-        survey.system, [j for j, x in enumerate(weights) if x > TAKES_PART * np.max(weights)]
-    )
+    return [j for j, x in enumerate(weights) if x > TAKES_PART * np.max(weights)]
 
 
 def _null_space(matrix: np.ndarray) -> np.ndarray:

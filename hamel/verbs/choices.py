@@ -12,8 +12,10 @@ import numpy as np
 
 import hamel
 from derive.choices.assessment import Assessed, comparison, conditions_along
-from derive.diagnostics import AssumptionError, ModelError, listed
-from derive.formulations import equations, misfits
+from derive.choices.survey import survey_of
+from derive.diagnostics import ModelError, listed
+from derive.formulations import equations
+from derive.formulations.fitness import check_determined
 from derive.robots.reading import load
 from derive.states.sampling import states
 from hamel.build.files import write_text
@@ -37,16 +39,14 @@ def run(path: str | PathLike[str], time: bool, plot: Path | None, until: float) 
     """The candidates in the order of their ranking; with `time` each is built and timed, with
     `plot` the best are drawn along a motion of `until` seconds.
 
-    Raises ModelError where the plot is no .svg, AssumptionError where quasi-velocities do not fit
-    the model.
+    Raises ModelError where the plot is no .svg, AssumptionError where nothing determines some
+    acceleration.
     """
     if plot is not None and plot.suffix.lower() != ".svg":
         raise ModelError(f"--plot {plot}: the file must end in .svg")
     model = load(path)
     mechanics = mechanics_of(model)
-    reason = misfits(mechanics)["quasi_velocities"]
-    if reason:
-        raise AssumptionError(f"{model.name}: {reason}")
+    check_determined(survey_of(mechanics))
     result = comparison(mechanics)
     names = [x.ranking.name for x in result.assessed]
     times = _times(path, names) if time else [None] * len(names)

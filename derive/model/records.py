@@ -397,7 +397,7 @@ class Model:
     body_symbols: tuple[tuple[str, str], ...] = ()
     measures: tuple[Measure, ...] = ()  # kinematics that formulas use
     paths: tuple[Path, ...] = ()
-    notes: tuple[str, ...] = ()  # what the model takes differently from the robot file it is from
+    notes: tuple[str, ...] = ()  # what is taken otherwise than a reader might expect
     tables: tuple[Table, ...] = ()
     states: tuple[FirstOrderState, ...] = ()  # in the order of z
     speeds: tuple[Speed, ...] = ()  # declared quasi-velocities by the names that stand for one

@@ -62,6 +62,7 @@ def coupling(
     first, second = pair
     if isinstance(entry, GearEntry):
         _check_turning(reader, key, pair)
+        _note_carrier(reader, document, key, pair)
     ratio = reader.formula(entry.ratio, "a ratio", unit=_per(first.unit, second.unit))
     if reader.value(ratio, entry.ratio) == 0.0:
         reader.report(
@@ -92,6 +93,22 @@ def _check_turning(reader: Reader, key: Key, pair: tuple[Coordinate, Coordinate]
             reader.report(
                 key.span, problem, "two turning joints", "type: coupling takes any two coordinates"
             )
+
+
+def _note_carrier(
+    reader: Reader, document: Bodies, key: Key, pair: tuple[Coordinate, Coordinate]
+) -> None:
+    """Of wheels on different bodies the angles are against different ones, and what carries one is
+    easily forgotten. Where the other wheel is the carrier itself, nothing is missing."""
+    joints = [document.joints[x.owner] for x in pair if x.owner in document.joints]
+    parents = [joint.parent.text for joint in joints]
+    if len(set(parents)) < 2 or {joint.child.text for joint in joints} & {*parents}:
+        return
+    sides = " and ".join(f"{x.owner} against {body}" for x, body in zip(pair, parents))
+    reader.notes.append(
+        f"'{key}' ties the angles of {sides} as they are: of wheels that mesh, both are to be "
+        "against the body that carries them"
+    )
 
 
 def _pair(

@@ -279,6 +279,28 @@ def test_a_surface_has_its_own_x_y_z() -> None:
     assert isinstance(on, OnSurface) and on.surface == expression("z - 0.1*x")
 
 
+PLANETARY = """
+model: planetary
+plane: xy
+bodies: {sun: {mass: 1, inertia: 0.1}, carrier: {mass: 1, inertia: 0.4}, planet: {mass: 0.3, inertia: 0.01}}
+joints:
+  js: {type: revolute, parent: ground, child: sun, coordinate: qs}
+  jc: {type: revolute, parent: ground, child: carrier, coordinate: qc}
+  jp: {type: revolute, parent: carrier, child: planet, at: [0.08, 0], coordinate: qp}
+"""
+
+
+@pytest.mark.parametrize(
+    "pair, notes", [("[js, jp]", 1), ("[jp, js]", 1), ("[js, jc]", 0), ("[jc, jp]", 0)]
+)
+def test_a_gear_between_wheels_on_different_bodies_is_noted(pair: str, notes: int) -> None:
+    """A planet that rolls on a wheel which stands still is in gear with its carrier."""
+    mesh = f"constraints: {{mesh: {{type: gear, joints: {pair}, ratio: -0.6}}}}\n"
+    model = load_text(PLANETARY + mesh)
+    assert len(model.notes) == notes
+    assert all("'mesh'" in note and "jp against carrier" in note for note in model.notes)
+
+
 def test_gears_couplings_and_prescribed_motion_are_holonomic() -> None:
     text = PLANAR + HINGES
     gear = load_text(

@@ -90,9 +90,8 @@ def parameters(system: System) -> tuple[Parameter, ...]:
 
 
 def _coefficients(system: System, load: Load) -> Iterator[Parameter]:
-    keys = _keys(system, load)
-    for key in keys:
-        name = f"{load.name}_{key}" if len(keys) > 1 else load.name
+    for key in _keys(system, load):
+        name = f"{load.name}_{key}" if len(COEFFICIENTS[type(load)]) > 1 else load.name
         yield Parameter(name, _unit(system, load, key), load.name, key)
 
 
@@ -116,7 +115,16 @@ def parameter_values(system: System) -> ca.SX:
 
 
 def _keys(system: System, load: Load) -> tuple[str, ...]:
-    return COEFFICIENTS[type(load)] if _is_linear(system, load) else ()
+    if not _is_linear(system, load):
+        return ()
+    keys = COEFFICIENTS[type(load)]
+    return keys if _has_dry_friction(load) else tuple(key for key in keys if key != "coulomb")
+
+
+def _has_dry_friction(load: Load) -> bool:
+    """Where the file has none, no smoothing is known: over a guessed one its column is nearly that
+    of viscous friction, which it would spoil."""
+    return isinstance(load, JointFriction) and load.dry
 
 
 def _is_linear(system: System, load: Load) -> bool:
@@ -159,7 +167,8 @@ def _column(size: int, entries: dict[int, Scalar]) -> ca.SX:
 
 
 def _of_load(system: System, load: Load, vdot: ca.SX) -> Iterator[ca.SX]:
-    """The columns of a damper (v), of friction (v and tanh(v/smoothing)), or of a rotor (v̇)."""
+    """The columns of a damper (v), of friction (v and, where it is dry, tanh(v/smoothing)), or of a
+    rotor (v̇)."""
     if not _is_linear(system, load):
         return
     along = _direction(system, getattr(load, "velocity", ""))
@@ -168,7 +177,7 @@ def _of_load(system: System, load: Load, vdot: ca.SX) -> Iterator[ca.SX]:
         yield along * ca.mtimes(along.T, vdot)
         return
     yield along * rate
-    if isinstance(load, JointFriction):
+    if isinstance(load, JointFriction) and load.dry:
         yield along * ca.tanh(rate / system.symbols.scalar(load.smoothing))
 
 

@@ -175,6 +175,7 @@ class JointFriction:
     coulomb: Expression
     smoothing: Expression
     span: Span
+    dry: bool = True  # the file speaks of dry friction, be it as zero
 
 
 @dataclass(frozen=True)

@@ -74,9 +74,9 @@ def friction_at(
         force,
         NONIDEAL,
     )
-    return JointFriction(
-        name, target.name, viscous, coulomb, _smoothing(reader, key, entry, target), key.span
-    )
+    smoothing = _smoothing(reader, key, entry, target)
+    dry = entry.coulomb is not None or entry.smoothing is not None
+    return JointFriction(name, target.name, viscous, coulomb, smoothing, key.span, dry)
 
 
 def _smoothing(reader: Reader, key: Key, entry: LawOfFriction, target: Velocity) -> Expression:

@@ -382,7 +382,7 @@ def test_loads_of_a_joint() -> None:
 def test_loads_of_their_own() -> None:
     friction = with_tie("loads", "type: friction, joint: A, viscous: 0.3 N*m*s/rad")
     assert friction == JointFriction(
-        "k", "der(q)", Number(0.3, "N*m*s/rad"), ZERO, ONE, friction.span
+        "k", "der(q)", Number(0.3, "N*m*s/rad"), ZERO, ONE, friction.span, dry=False
     )
     armature = with_tie("loads", "type: armature, velocity: B.wx, inertia: 0.1 kg*m^2")
     assert armature == Armature("k", "B.wx", Number(0.1, "kg*m^2"), armature.span)

@@ -17,6 +17,7 @@ from codegen.passes import program
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator, function_of
+from derive.mechanics.regressor import parameters
 from derive.model import load, load_text
 from derive.states import system
 from hamel.verify.checks import regressor
@@ -111,7 +112,10 @@ where: {m: 2 kg + ramp(1 kg - flow*t)}
 bodies: {rocket: {mass: m, inertia: (0.1 m^2)*m, exhaust: {velocity: [3 m/s, -40 m/s], at: [0, -0.5]}}}
 joints: {base: {type: planar, parent: ground, child: rocket}}
 """
-CASES = {"arm": ARM, "tree": TREE, "loop": LOOP, "ball": BALL, "rocket": ROCKET}
+VISCOUS = TREE.replace(", coulomb: 0.2 N*m, smoothing: 0.1 rad/s", "")
+CASES = {
+    "arm": ARM, "tree": TREE, "loop": LOOP, "ball": BALL, "rocket": ROCKET, "viscous": VISCOUS,
+}  # fmt: skip
 
 
 @cache
@@ -133,6 +137,23 @@ def test_every_check_looks_and_is_green(case):
     found = {result.name: result for result in results(seen(case), regressor.CHECKS)}
     assert {*found} == {check.name for check in regressor.CHECKS}
     assert red(seen(case)) == set()
+
+
+@pytest.mark.parametrize(
+    "dry, kinds",
+    [
+        (", coulomb: 0.2 N*m, smoothing: 0.1 rad/s", ["viscous", "coulomb"]),
+        (", coulomb: 0 N*m, smoothing: 1 rad/s", ["viscous", "coulomb"]),
+        (", smoothing: 1 rad/s", ["viscous", "coulomb"]),
+        ("", ["viscous"]),
+    ],
+)
+def test_friction_is_dry_where_the_file_speaks_of_it(dry, kinds):
+    """Over a smoothing that nobody gave, the column is nearly that of viscous friction."""
+    found = system(load_text(VISCOUS.replace("viscous: c", f"viscous: c{dry}")))
+    own = [x for x in parameters(found) if x.owner == "friction"]
+    assert [x.kind for x in own] == kinds
+    assert [x.name for x in own] == [f"friction_{kind}" for kind in kinds]
 
 
 @pytest.mark.parametrize("case", CASES)

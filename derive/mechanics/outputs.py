@@ -19,8 +19,8 @@ BODY_FUNCTIONS = ("position", "velocity", "angle")
 
 
 def outputs(scene: Scene) -> tuple[tuple[str, ca.SX, str], ...]:
-    """(name, value, unit) of each output over (t, q, v, u, p) and reactions; points have as many
-    components as the model has dimensions, in ground axes."""
+    """(name, value, unit) of each output over (t, q, v, u, p) and reactions; vectors have as many
+    components as the model has dimensions, points in ground axes."""
     return tuple(
         (output.name, _output(scene, output), output.unit) for output in scene.model.outputs
     )
@@ -32,6 +32,8 @@ def _output(scene: Scene, output: Output) -> ca.SX:
         return _of_body(scene, formula)
     if isinstance(formula, Call) and formula.function == "reaction":
         return _reactions(scene, formula)
+    if isinstance(formula, Vector):
+        return scene.over_v(ca.vertcat(*map(ca.SX, scene.symbols.vector(formula.entries))))
     return scene.over_v(ca.SX(scene.symbols.scalar(formula)))
 
 

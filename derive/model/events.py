@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from derive.expressions.dimensions import infer
 from derive.expressions.parser import unit
-from derive.expressions.tree import Call
+from derive.expressions.tree import Call, Vector
 from derive.model.document import Key, Scalar
 from derive.model.reader import UNREAD, Reader
 from derive.model.records import Event, Output
@@ -52,7 +52,7 @@ def _with_outputs(reader: Reader, outputs: tuple[Output, ...]) -> Scope:
             inner.add(output.name, Symbol(frozenset({REACTION}), None))
         for name in components(output.name, output.expression, reader.space.letters):
             dimension = unit(output.unit).dimension if output.unit else unit("1").dimension
-            if not isinstance(output.expression, Call) and output.expression is not UNREAD:
+            if not isinstance(output.expression, Call | Vector) and output.expression is not UNREAD:
                 dimension = infer(output.expression, inner.dimensions)
             inner.add(name, Symbol(frozenset({VELOCITY}), dimension))
     return inner

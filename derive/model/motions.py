@@ -171,7 +171,8 @@ def state_name(
 
 
 def output(reader: Reader, document: Document, names: Names, key: Key, scalar: Scalar) -> Output:
-    """A formula, or position, velocity, angle or reaction of something."""
+    """A formula of a number or of a vector, or position, velocity, angle or reaction of
+    something."""
     reader.name(key)
     try:
         parsed = expression(
@@ -196,7 +197,10 @@ def _output(
         if isinstance(node, tree.Call) and node.function == "reaction":
             raise FormulaError("reaction() inside a formula", text, node.at, "reaction(…) alone")
     if speaks_of_motion(text):
-        parsed = reader.rewritten(parsed, text)
+        rewritten = reader.rewriting(text).rewritten(parsed)
+        if isinstance(rewritten, tuple):
+            return _vector(reader, rewritten, parsed.at, text)
+        parsed = rewritten
     elif any(isinstance(node, tree.Vector) for node in tree.walk(parsed)):
         node = next(node for node in tree.walk(parsed) if isinstance(node, tree.Vector))
         raise FormulaError(
@@ -208,6 +212,17 @@ def _output(
     resolved = reader.scope.resolved(parsed, ANYTHING, "an output", text)
     dimension = infer(resolved, reader.scope.dimensions, text)
     return resolved, pretty(dimension) if isinstance(dimension, tuple) else ""
+
+
+def _vector(
+    reader: Reader, parts: tuple[Expression, ...], at: int, text: str
+) -> tuple[Expression, str]:
+    """The components, which are of one kind; zeros are of any."""
+    entries = tuple(reader.scope.resolved(x, ANYTHING, "an output", text) for x in parts)
+    # a sum has the dimension that all its terms have
+    dimension = infer(tree.Sum(entries, at), reader.scope.dimensions, text)
+    unit = pretty(dimension) if isinstance(dimension, tuple) else ""
+    return tree.Vector(entries, at), unit
 
 
 def _is_of_body(parsed: Expression, reader: Reader, document: Document) -> TypeGuard[tree.Call]:

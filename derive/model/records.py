@@ -247,8 +247,8 @@ class FirstOrderState:
 
 @dataclass(frozen=True)
 class Output:
-    """`expression` is a scalar, or a Call of position/velocity/angle/reaction with the body or
-    constraint as a Name."""
+    """`expression` is a scalar, a Vector of scalars, or a Call of position/velocity/angle/reaction
+    with the body or constraint as a Name."""
 
     name: str
     expression: Expression

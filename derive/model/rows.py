@@ -3,7 +3,7 @@ where there are several."""
 
 from __future__ import annotations
 
-from derive.expressions.tree import Call, Expression
+from derive.expressions.tree import Call, Expression, Vector
 from derive.joints import JOINTS
 from derive.model.constraint_records import Rolling
 from derive.model.records import Closure, Model
@@ -49,6 +49,6 @@ def is_reaction(formula: Expression) -> bool:
 def components(name: str, formula: Expression, letters: str) -> list[str]:
     """What the entries of an output are called in formulas; none of reactions."""
     function = formula.function if isinstance(formula, Call) else ""
-    if function in ("position", "velocity"):
+    if function in ("position", "velocity") or isinstance(formula, Vector):
         return [f"{name}.{letter}" for letter in letters]
     return [] if is_reaction(formula) else [name]

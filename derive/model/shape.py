@@ -171,8 +171,8 @@ class Document(Entry):
     )
     outputs: dict[Name, Formula] = Field(
         {},
-        description="Formulas, position(body, point), velocity(body, point), angle(body), "
-        "reaction(name).",
+        description="Formulas, of vectors with all components: position(body, point, frame), "
+        "velocity(body, point); alone angle(body), reaction(name).",
         json_schema_extra=term("y"),
     )
     events: dict[Name, EventOrFormula] = Field(

@@ -14,7 +14,7 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 
 def outputs(model: Model, state: State, lam: Array) -> Array:
-    """All outputs in order, points as two (planar) or three components; `lam` are the multipliers
+    """All outputs in order, vectors as two (planar) or three components; `lam` are the multipliers
     of all rows."""
     return np.concatenate(
         [np.zeros(0), *(_output(model, state, output, lam) for output in model.outputs)]
@@ -28,7 +28,7 @@ def events(model: Model, state: State, lam: Array) -> Array:
         values = _output(model, state, output, lam)
         formula = output.expression
         function = formula.function if isinstance(formula, tree.Call) else ""
-        if function in ("position", "velocity"):
+        if function in ("position", "velocity") or isinstance(formula, tree.Vector):
             letters = model.plane or "xyz"
             names |= {f"{output.name}.{x}": float(v) for x, v in zip(letters, values)}
         elif function != "reaction":
@@ -54,6 +54,8 @@ def _angles(model: Model) -> Array:
 def _size(model: Model, output: Output, function: str) -> int:
     if function == "reaction":
         return len(_rows(model, output))
+    if isinstance(output.expression, tree.Vector):
+        return len(output.expression.entries)
     return len(model.plane or "xyz") if function in ("position", "velocity") else 1
 
 
@@ -68,6 +70,8 @@ def _output(model: Model, state: State, output: Output, lam: Array) -> Array:
     formula = output.expression
     if isinstance(formula, tree.Call) and formula.function == "reaction":
         return lam[_rows(model, output)]
+    if isinstance(formula, tree.Vector):
+        return state.vector(formula.entries)
     if not (
         isinstance(formula, tree.Call) and formula.function in ("position", "velocity", "angle")
     ):

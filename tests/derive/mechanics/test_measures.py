@@ -8,6 +8,7 @@ Of hamel.verify.reference: measures.
 
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -194,3 +195,31 @@ def test_words_of_the_motion_in_a_part(tmp_path: Path) -> None:
     for place in places(ones[0], 4):
         one, other = (terms(x, place)["vdot"] for x in ones)
         np.testing.assert_allclose(one, other, rtol=1e-12)
+
+
+TOLD = """
+model: told
+gravity: [0, 0, -9.81 m/s^2]
+parameters: {l: 0.5 m}
+bodies: {A: {mass: 1 kg, inertia: 0.1}, B: {mass: 1 kg, com: [0.2, 0, 0.1], inertia: 0.1}}
+joints:
+  ja: {type: free, parent: ground, child: A, position: [x, y, z]}
+  jb: {type: revolute, parent: A, child: B, at: [l, 0, 0], axis: [0, 1, 2], coordinate: b}
+events: {level: rel.z - 0.1 m}
+outputs: {whole: "NAME(B, [l, 0.1, 0], A)", x: "NAME(B, [l, 0.1, 0], A).x", rel: "position(B) - position(A)"}
+"""
+
+
+@pytest.mark.parametrize("name, unit", [("position", "m"), ("velocity", "m/s")])
+def test_an_output_may_be_a_vector(name: str, unit: str) -> None:
+    """All components, in the axes of the frame; events know them by name."""
+    found = system(model(TOLD.replace("NAME", name)))
+    (_, whole, of_whole), (_, x, _), (_, rel, _) = found.outputs
+    assert (whole.numel(), of_whole, rel.numel()) == (3, unit, 3)
+    mistakes = disagreement(TOLD.replace("NAME", name), 5)
+    assert max(mistakes.values()) < 1e-12
+    for place in places(found, 3):
+        arguments = (found.t, found.q, found.v, found.u, found.p)
+        at = ca.Function("y", arguments, [whole, x])
+        values = at(place.t, place.q, place.v, place.u, place.p)
+        assert float(values[0][0]) == float(values[1])

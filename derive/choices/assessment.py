@@ -51,7 +51,7 @@ class Comparison:
 @refuses_numerically("the choices of quasi-velocities")
 def comparison(system: System) -> Comparison:
     """The best partitions, the declared choices, and every kind that needs no rows, best first;
-    what is no choice of this system stands under `refused` with the reason. Raises AssumptionError
+    what is no choice of this system stands under `refused` with the reason. Raises HamelError
     where no admissible state can be found."""
     survey = survey_of(system)
     refused: dict[str, str] = {}

@@ -29,7 +29,7 @@ def robot(
     included(root, budget, folders)
     reading = Reading()
     _check_sections(reading, root)
-    outcome = settings(reading, root)
+    outcome = settings(reading, root, folders)
     replicate(reading, root, outcome, budget)
     reading.finish()
     result = Robot(root.get("model") or name, "MJCF", root, outcome.gravity)
@@ -102,7 +102,13 @@ def _notes(reading: Reading, root: Element, scene: Scene) -> None:
             f"{counted(reading.renamed, 'name')} changed to fit the model language; the old "
             "ones stand beside"
         )
-    ignored = sorted({section.tag for section in root.children} & set(NOT_NEEDED))
+    solids = scene.settings.solids
+    if solids:
+        result.changed.append(f"read for their inertia: {counted(len(solids), 'mesh', 'meshes')}")
+    ignored = sorted(
+        ({section.tag for section in root.children} & set(NOT_NEEDED))
+        - ({"asset"} if solids else set())
+    )
     if ignored:
         result.changed.append(f"not read: {', '.join(f'<{tag}>' for tag in ignored)}")
     if any(joint.limits for joint in result.joints):

@@ -10,6 +10,7 @@ import numpy as np
 
 from derive.robots.limits import ROUNDING
 from derive.robots.markup import Element
+from derive.robots.mjcf.meshes import HINT, solid_of
 from derive.robots.mjcf.settings import Settings, along_z, orientation
 from derive.robots.numbers import listing, scalar, vector
 from derive.robots.robot import Body, Reading
@@ -74,13 +75,14 @@ def of_geom(reading: Reading, geom: Element, frame: Frame, found: Settings) -> P
     weightless = given == 0.0 if given >= 0.0 else density == 0.0
     if not low <= scalar(reading, geom, "group") <= high or weightless or kind in WITHOUT_MASS:
         return None
+    if kind == "mesh" and "mesh" in geom.attributes:
+        return _enclosed(reading, geom, given, density, frame, found)
     if kind not in SIZES or "mesh" in geom.attributes:
-        hint = "give the body an <inertial>, or the geom mass=0 where others carry it"
         reading.report(
             geom,
             f"the mass of a {kind if 'mesh' not in geom.attributes else 'mesh'} geom",
             ", ".join(SIZES),
-            hint,
+            HINT,
             "type",
         )
         return None
@@ -92,6 +94,20 @@ def of_geom(reading: Reading, geom: Element, frame: Frame, found: Settings) -> P
             attribute="shellinertia",
         )
     return _solid(reading, geom, kind, given, density, frame, found)
+
+
+def _enclosed(
+    reading: Reading, geom: Element, given: float, density: float, frame: Frame, found: Settings
+) -> Piece | None:
+    """What a mesh encloses; None after reporting."""
+    solid = solid_of(reading, geom, found)
+    if solid is None:
+        return None
+    own = frame.then(vector(reading, geom, "pos"), orientation(reading, geom, found))
+    mass = given if given >= 0.0 else density * solid.volume
+    tensor = [mass / solid.volume * moment for moment in solid.tensor]
+    com = plus(own.at, rotated(own.turn, solid.centre))
+    return Piece(mass, com, turned_tensor(own.turn, tensor))
 
 
 def _solid(

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from derive.diagnostics import did_you_mean, listed
 from derive.robots.markup import LARGEST, ROOTS, Budget, Element, parsed, read
@@ -44,7 +45,8 @@ class Settings:
     → what it says of actuators, each over the ones before. `off`: flags that are disabled.
     `total_mass`: what all bodies are scaled to, where it is more than zero. `idle_groups`: of
     actuators without force. `aligned`: free bodies move with their inertia's frame where they say
-    nothing.
+    nothing. `meshes` by name, whose files are below one of the `homes`, in `mesh_folder`, by their
+    names alone where the file says `without_path`; `solids`: what those that were asked for enclose.
     """
 
     degrees: bool = True
@@ -58,6 +60,11 @@ class Settings:
     off: frozenset[str] = frozenset()
     idle_groups: tuple[float, ...] = ()
     aligned: bool = False
+    homes: tuple[Path, ...] = ()
+    mesh_folder: str = ""
+    without_path: bool = False
+    meshes: dict[str, Element] = field(default_factory=dict[str, Element])
+    solids: dict[str, Any] = field(default_factory=dict[str, Any])
     classes: dict[str, dict[str, dict[str, str]]] = field(default_factory=lambda: {"main": {}})
     laws: dict[str, tuple[Element, ...]] = field(default_factory=dict[str, tuple[Element, ...]])
 
@@ -138,9 +145,9 @@ def _content(include: Element, budget: Budget, homes: Sequence[Path]) -> list[El
     return root.children
 
 
-def settings(reading: Reading, root: Element) -> Settings:
+def settings(reading: Reading, root: Element, folders: Sequence[str] = ()) -> Settings:
     """Of the whole file; later sections overrule earlier ones, as in MuJoCo."""
-    result = Settings()
+    result = Settings(homes=(root.file.folder, *map(Path, folders)))
     for section in root.children:
         if section.tag == "compiler":
             _compiler(reading, section, result)
@@ -148,6 +155,9 @@ def settings(reading: Reading, root: Element) -> Settings:
             _option(reading, section, result)
         elif section.tag == "default":
             _defaults(reading, section, result)
+        elif section.tag == "asset":
+            for mesh in section.all("mesh"):
+                result.meshes[mesh.get("name") or Path(mesh.get("file")).stem] = mesh
     _apply_flags(result)
     return result
 
@@ -178,6 +188,8 @@ def _compiler(reading: Reading, compiler: Element, found: Settings) -> None:
     found.inertia_from_geoms = compiler.get("inertiafromgeom", found.inertia_from_geoms)
     found.least_mass = scalar(reading, compiler, "boundmass", found.least_mass)
     found.least_inertia = scalar(reading, compiler, "boundinertia", found.least_inertia)
+    found.mesh_folder = compiler.get("meshdir", compiler.get("assetdir", found.mesh_folder))
+    found.without_path |= compiler.get("strippath", "false") == "true"
     found.aligned = compiler.get("alignfree", "true" if found.aligned else "false") == "true"
     low, high = listing(reading, compiler, "inertiagrouprange", 2) or found.groups
     found.groups = (low, high)

@@ -231,7 +231,7 @@ class Tape:
 def recorded(value: ca.SX) -> Tape:
     """The instructions of an expression over the symbols in it, so that one of them can be made
     wrong."""
-    symbols = ca.vertcat(*ca.symvar(value))
+    symbols = ca.vertcat(ca.SX(0, 1), *ca.symvar(ca.SX(value)))  # a constant has none
     program = listing(ca.Function("program", [symbols], [ca.densify(value)]))
     return Tape(symbols, program, value.size1(), value.size2())
 

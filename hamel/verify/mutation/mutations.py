@@ -155,7 +155,8 @@ def _functions(seen: Evidence) -> Iterable[Target]:
         name = _target_name(function.name)
         units = (seen.units.taken(function.name, len(places[0][1])), 0.0, 0.0)
         planted = partial(_with_function, seen, function.name)
-        yield Target(name, ca.densify(function.result.value), arguments, places, units, planted)
+        value = ca.densify(ca.SX(function.result.value))  # a matrix of numbers is no SX by itself
+        yield Target(name, value, arguments, places, units, planted)
 
 
 def _target_name(function: str) -> str:

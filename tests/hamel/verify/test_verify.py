@@ -587,6 +587,22 @@ def test_errors_are_planted_in_functions_on_request_and_seen(tmp_path):
         hamel.verify(tmp_path / "rod.yaml", functions=["pose_bal"])
 
 
+def test_errors_are_planted_where_functions_are_numbers():
+    """Without freedom and with nothing that varies some functions are matrices of numbers."""
+    model = load_text(HELD)
+    found = mutations(model, equations(system(model)), most=40)
+    assert found.caught == found.planted > 0
+
+
+HELD = """
+model: held
+plane: xy
+bodies: {a: {mass: 1 kg, inertia: 0.1}}
+joints: {A: {type: revolute, parent: ground, child: a, coordinate: q1}}
+constraints: {stop: {holonomic: q1 - 0.3}}
+initial: {guess: {q1: 0.3}}
+"""
+
 ROD = """
 model: rod
 plane: xy

@@ -51,8 +51,6 @@ def guarded(command: Callable[[], Any], arguments: Sequence[str]) -> int:
     except Exception as error:
         if numeric := _numeric(error):
             return _report(numeric.diagnostics, numeric.exit_code, arguments)
-        if "--debug" in arguments:
-            raise
         return _report((_internal(error),), INTERNAL, arguments)
 
 

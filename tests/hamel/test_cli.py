@@ -294,8 +294,9 @@ def test_internal_errors_ask_for_a_report(hamel, monkeypatch):
     monkeypatch.setattr("hamel.check", lambda path: {}["no such"])
     code, _, err = hamel("check", SNAKE)
     assert code == 70 and "please report" in err and err.count("\n") == 1
-    with pytest.raises(KeyError):
-        main(["check", SNAKE, "--debug"])
+    code, _, err = hamel("check", SNAKE, "--debug")
+    assert code == 70 and "please report" in err and "KeyError: 'no such'" in err.splitlines()[-1]
+    assert "Traceback" in err
 
 
 def test_interrupt(hamel, monkeypatch):

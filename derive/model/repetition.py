@@ -110,11 +110,6 @@ def _element(entry: Scalar, source: Source) -> Value:
     return entry.text
 
 
-def _is_latex(key: str, text: str) -> bool:
-    """Whether braces in it name no index."""
-    return key == "symbol" and "\\" in text
-
-
 class Repetition:
     """Writes out what stands for several. Raises ModelError beyond `most` values in all."""
 
@@ -159,7 +154,7 @@ class Repetition:
     def _entries(self, node: Items, bound: Binding, where: str, key: str) -> Iterator[Node]:
         for entry in node:
             text = entry.text if isinstance(entry, Scalar) and key not in READERS else ""
-            text = "" if _is_latex(key, text) else text
+            text = "" if self._is_latex(key, text) else text
             for binding, inner in self._bindings(text, entry.span, bound, where):
                 yield self.written_out(entry, binding, inner, key)
 
@@ -199,20 +194,34 @@ class Repetition:
         self.source.refuse(span, f"unknown index '{name}'", expected, hint)
 
     def _scalar(self, node: Scalar, bound: Binding, where: str, key: str) -> Scalar:
-        if _is_latex(key, node.text):
+        if self._is_latex(key, node.text):
             return replace(node, span=_at(node.span, where))
-        if key in READERS and not self._readable(node.text, bound):
-            return replace(node, span=_at(node.span, where))
-        text = self._braced(node.text, node.span, bound, where)
+        if key in READERS:
+            text = self._for_readers(node.text, node.span, bound, where)
+        else:  # the braces of an index below a symbol stay around its number: q_{12}
+            kept = _BRACES.sub(r"{{\1}}", node.text) if key == "symbol" else node.text
+            text = self._braced(kept, node.span, bound, where)
         if key not in WORDS and self.bare is not None and self.bare.search(text):
             text = _with_numbers(text, bound)
         return Scalar(text, _at(node.span, where), node.exact and text == node.text, node.plain)
 
-    def _readable(self, text: str, bound: Binding) -> bool:
-        """Whether all braces of a text for readers are indices; others are its own."""
-        return all(
-            name in bound for inside in _BRACES.findall(text) for name in _WORD.findall(inside)
+    def _is_latex(self, key: str, text: str) -> bool:
+        """Whether braces in it name no index, as those of the symbol q_{12}."""
+        held = [_names(inside) for inside in _BRACES.findall(text)]
+        return key == "symbol" and (
+            "\\" in text or not any(x and x <= self.known.keys() for x in held)
         )
+
+    def _for_readers(self, text: str, span: Span, bound: Binding, where: str) -> str:
+        """With the values of braces that hold an index; others are the text's own: in
+        "chassis {1}", too."""
+
+        def written(found: re.Match[str]) -> str:
+            names = _names(found[1])
+            own = not names or not names <= bound.keys()
+            return found[0] if own else self._braced(found[0], span, bound, where)
+
+        return _BRACES.sub(written, text)
 
     def _braced(self, text: str, span: Span, bound: Binding, where: str) -> str:
         if "{" not in text:
@@ -228,6 +237,11 @@ class Repetition:
         except FormulaError as error:
             message, expected, hint = error.detail
             self.source.refuse(_at(span, where), message, expected, hint)
+
+
+def _names(inside: str) -> frozenset[str]:
+    """The indices that are named between braces."""
+    return frozenset(_WORD.findall(inside)) - _INDEX_FUNCTIONS.keys()
 
 
 def _at(span: Span, where: str) -> Span:

@@ -358,3 +358,38 @@ def test_what_a_module_is_stored_under_holds_the_files_it_refers_to(tmp_path: Pa
     assert one.text == two.text
     assert one.content() != two.content()
     assert replace(one, sources=()).content() != one.content()
+
+
+BRACED = """model: braced
+description: "A chassis {1}, \\\\frac{1}{2} x, {i} and {3}"
+plane: xy
+REPEATbodies: {a: {mass: 1 kg, inertia: 0.1, about: "{1} of {k} or {max(1, 2)}"}}
+joints: {A: {type: revolute, parent: ground, child: a, coordinate: q1, symbol: SYMBOL}}
+"""
+
+
+@pytest.mark.parametrize("repeat", ["", "repeat: {i: 1..2}\n"])
+def test_braces_without_an_index_are_those_of_the_text(repeat):
+    """Numbers in braces are no repetition, and what the file repeats nothing for is no index."""
+    for symbol in ("q_{12}", "m_{ab}", r"\theta_{12}"):
+        model = load_text(BRACED.replace("REPEAT", repeat).replace("SYMBOL", f"'{symbol}'"))
+        assert model.description == r"A chassis {1}, \frac{1}{2} x, {i} and {3}"
+        assert model.bodies[-1].about == "{1} of {k} or {max(1, 2)}"
+        assert model.symbols == (("q1", symbol),)
+
+
+CHAINED = """model: chained
+plane: xy
+repeat: {i: 11..12}
+bodies:
+  a{i}: {mass: 1 kg, inertia: 0.1, about: "{1} of {i+1}"}
+joints:
+  A{i}: {type: revolute, parent: ground, child: "a{i}", coordinate: "q{i}", symbol: "q_{i}^{2}"}
+"""
+
+
+def test_indices_among_other_braces_are_put_in():
+    """A text for readers and a symbol may hold both; those of LaTeX stay around the number."""
+    model = load_text(CHAINED)
+    assert [x.about for x in model.bodies[-2:]] == ["{1} of 12", "{1} of 13"]
+    assert model.symbols == (("q11", "q_{11}^{2}"), ("q12", "q_{12}^{2}"))

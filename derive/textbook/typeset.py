@@ -40,8 +40,8 @@ EULER = frozenset(("e", r"\mathrm{e}"))  # names that would look like Euler's nu
 RELATIONS = {"<": "<", "<=": r"\le", ">": ">", ">=": r"\ge", "==": "=", "!=": r"\ne"}
 NOTHING_ELSE = ExprCondPair(0, True)
 _WORD = re.compile(r"\\(sin|cos|tan|arcsin|arccos|arctan|ln|min|max)(?![A-Za-z])")
-_BEGINS = re.compile(r"(\\d?dot\{)?\\mathrm\{[^{}]{2,}\}")  # a name that is a word
-_ENDS = re.compile(r"\\mathrm\{[^{}]{2,}\}\}?$")
+_UPRIGHT = re.compile(r"(\\(d?dot|hat|bar|tilde)\{)*\\mathrm\{[^{}]{2,}")  # a name that is a word
+SIDE, SIGN = r" \, ", r" \cdot "  # between factors
 _ENTRY = re.compile(r"[A-Z]\w*\[\d+,\d+\]")  # of a matrix
 _COMMAND = re.compile(
     r"\\(frac|left|right|mathrm|mathbf|boldsymbol|begin\{bmatrix\}|end\{bmatrix\}"
@@ -99,7 +99,9 @@ class Typesetter:
             return [whole]
         if inside is None:
             return self._factors(x, whole)
-        return _opened(f"{self._before(factor)} {OPENING}", self._breakable(inside, line), line)
+        sign = SIGN if self._ends_in_word(factor) else " "
+        opening = f"{self._before(factor)}{sign}{OPENING}"
+        return _opened(opening, self._breakable(inside, line), line)
 
     def _factors(self, x: Expr, whole: str) -> list[str]:
         """A product factor by factor; over a divisor stand numbers and symbols alone,
@@ -114,9 +116,11 @@ class Typesetter:
         pieces: list[str] = []
         if under:
             pieces = [rf"\frac{{{self._juxtaposed(before)}}}{{{self._juxtaposed(under)}}}"]
+        before_it: Expr | None = None
         for f in sorted(after, key=self._place_in_product):
             own = self._factor_pieces(f)
-            own[0] = rf"\, {own[0]}" if pieces else own[0]
+            own[0] = f"{self._between(before_it, f).lstrip()}{own[0]}" if pieces else own[0]
+            before_it = f
             if pieces and width(pieces[-1]) <= ALONE:  # a short factor stays with the next
                 own[0] = pieces.pop() + own[0]
             pieces += own
@@ -181,13 +185,27 @@ class Typesetter:
             return "1"
         if len(factors) == 1:
             return self._sum(factors[0]) if factors[0].is_Add else self._factor(factors[0])
-        first, *rest = [self._factor(f) for f in sorted(factors, key=self._place_in_product)]
-        product = first
+        first, *rest = sorted(factors, key=self._place_in_product)
+        product = self._factor(first)
         for before, factor in zip([first, *rest], rest):
-            # words without a sign between them would read as one name
-            sign = r" \cdot " if _ENDS.search(before) and _BEGINS.match(factor) else r" \, "
-            product += sign + factor
+            product += self._between(before, factor) + self._factor(factor)
         return product
+
+    def _between(self, before: Expr | None, factor: Expr) -> str:
+        """Words need a sign: with a space alone they would read as part of the name beside them."""
+        words = self._is_word(factor) or (before is not None and self._is_word(before))
+        return SIGN if words else SIDE
+
+    def _is_word(self, factor: Expr) -> bool:
+        """Whether it is a name in upright letters, or a power of one."""
+        is_root = factor.is_Pow and factor.exp == sympy.Rational(1, 2)
+        base = factor.base if factor.is_Pow and not is_root else factor
+        return bool(base.is_Symbol and _UPRIGHT.match(self.names[base]))
+
+    def _ends_in_word(self, product: Expr) -> bool:
+        over, under = _split(product)
+        last = max(over, key=self._place_in_product, default=None)
+        return last is not None and not under and self._is_word(last)
 
     def _place_in_product(self, factor: Expr) -> tuple[object, ...]:
         base = factor.base if factor.is_Pow else factor
@@ -251,7 +269,8 @@ class Typesetter:
         if value == 1:
             return bracket
         simple = not (value.is_Add or _is_negative(value))
-        return rf"{self.latex(value) if simple else self._bracketed(value)} \, {bracket}"
+        sign = SIGN if simple and self._ends_in_word(value) else SIDE
+        return f"{self.latex(value) if simple else self._bracketed(value)}{sign}{bracket}"
 
     def _condition(self, x: sympy.Basic) -> str:
         if not isinstance(x, Relational):

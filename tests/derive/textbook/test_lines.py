@@ -18,7 +18,7 @@ from derive.textbook.compose import number
 from derive.textbook.derivation import derivation
 from derive.textbook.layout import GAP, ROW, SYMBOL, rounded, wide_entries
 from derive.textbook.measure import letters
-from derive.textbook.typeset import ALONE, PIECE, Typesetter, width
+from derive.textbook.typeset import ALONE, OPENING, PIECE, Typesetter, width
 from derive.textbook.write_latex import _breakable, article
 from tests.scenes import MODELS
 
@@ -50,10 +50,28 @@ def test_no_line_ends_after_a_number_before_a_bracket() -> None:
 
 
 def test_words_that_are_multiplied_have_a_sign_between_them() -> None:
-    words = {A: r"\mathrm{steer\,torque}", B: r"\dot{\mathrm{steer}}", C: "c"}
+    """Before and behind, raised or not: a space alone would read as one of the name's own."""
+    words = {
+        A: r"\mathrm{steer\,torque}",
+        B: r"\dot{\mathrm{steer}}",
+        C: "c",
+        D: r"m_{\mathrm{arm}}",
+    }
     setter = Typesetter(words)
     assert setter.latex(A * B) == rf"{words[A]} \cdot {words[B]}"
-    assert setter.latex(A * C) == rf"{words[A]} \, c"
+    assert setter.latex(A * B**2) == rf"{words[A]} \cdot {words[B]}^{{2}}"
+    assert setter.latex(2 * A**2 * C) == rf"2 \cdot {words[A]}^{{2}} \cdot c"
+    assert setter.latex(A * (C + D)) == rf"{words[A]} \cdot \left(c + {words[D]}\right)"
+    assert setter.latex(C * D * sympy.sin(C)) == rf"c \, {words[D]} \, \sin c"
+    met = sympy.Piecewise((A, sympy.Le(C, D)), (0, True))
+    assert setter.latex(met).startswith(rf"{words[A]} \cdot \left[")
+
+
+def test_a_word_before_a_bracket_on_two_lines_has_its_sign() -> None:
+    setter = Typesetter({**NAMES, A: r"\mathrm{steer\,torque}"})
+    long = sympy.Add(*[sympy.sin(k * X) * B**k for k in range(2, 8)])
+    assert setter.pieces(A * long)[0].startswith(rf"\mathrm{{steer\,torque}} \cdot {OPENING}")
+    assert any(piece.startswith(r"\cdot") for piece in setter.pieces(C * A * long * (B + D)))
 
 
 def test_eulers_number_is_no_parameter() -> None:

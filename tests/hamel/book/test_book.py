@@ -95,6 +95,14 @@ def test_titles_are_words() -> None:
     assert not any("long_arm<" in text for text in texts.values())
 
 
+def test_a_chapter_without_a_description_is_its_title_alone() -> None:
+    alone = replace(chapter("arm", 1, 20, ()), description="")
+    texts = pages("Book", placed([alone]))
+    for name in (CONTENTS, PRINT):
+        assert ">arm</a></li>" in texts[name]
+    assert ">disk</a>: A disk &lt;&amp;&gt;</li>" in pages("Book", BOOK)[CONTENTS]
+
+
 def test_a_chapter_without_a_motion_says_why() -> None:
     alone = placed(
         [replace(BOOK[0].chapter, motion=None, refusal="it comes to a singular position")]

@@ -27,7 +27,7 @@ def choice(doc: Manuscript) -> None:
         doc.say("No choice is made: {reason}.", reason=doc.equations.reason)
         return
     if not doc.w:
-        doc.say("The constraints leave no freedom: there is nothing to choose.")
+        _nothing(doc)
         return
     _reason(doc)
     _meanings(doc)
@@ -41,6 +41,16 @@ def choice(doc: Manuscript) -> None:
     _pivots(doc)
     if not orthonormal(doc):
         _guards(doc)
+
+
+def _nothing(doc: Manuscript) -> None:
+    """Without freedom the constraints say all of the motion, and no equation of it is solved."""
+    doc.say(
+        "The constraints leave no freedom: there is nothing to choose. The generalized velocities "
+        "and accelerations follow from the constraints alone, $!v=!A^+!c$ and $!!v=!A^+!\\beta$, "
+        "with the pseudo-inverse $!A^+$, which is $!A^{-1}$ where no row repeats others."
+    )
+    doc.mean(r"!A^+", "pseudo-inverse of the constraint rows, which have full column rank")
 
 
 def _reason(doc: Manuscript) -> None:

@@ -24,7 +24,7 @@ from derive.formulations import FORMULATIONS, equations
 from derive.model import load, load_text
 from derive.states import system
 from derive.states.sampling import states
-from derive.textbook import html, laws, printed
+from derive.textbook import html, latex, laws, printed
 from derive.textbook.convert import Reader
 from derive.textbook.derivation import derivation
 from derive.textbook.manuscript import Manuscript
@@ -602,3 +602,21 @@ def test_loads_that_use_reactions_show_the_multiplier(kind):
     text = f"{WHEEL}loads: {{f: {{type: {kind}, {USING[kind]}}}}}\n"
     shown = article(derivation(equations(system(load_text(text)))))
     assert r"\lambda_{\mathrm{contact.normal}}" in shown
+
+
+HELD = """
+model: held
+plane: xy
+bodies: {a: {mass: 1 kg, com: [1.2 m, 0.3 m], inertia: 0.1}}
+joints: {A: {type: revolute, parent: ground, child: a, coordinate: q1}}
+constraints: {driven: {type: prescribed, coordinate: q1, motion: (2 rad/s)*t}}
+"""
+
+
+def test_without_freedom_the_page_says_where_the_motion_comes_from():
+    """ρ = M v̇ + h − Q has v̇ in it, which no equation of motion gives there."""
+    text = latex(equations(system(load_text(HELD))))
+    section = text[text.index("Choice of quasi-velocities") :]
+    said = section[: section.index(r"\section")]
+    assert r"$\mathbf{v}=\mathbf{A}^+\mathbf{c}$" in said
+    assert r"$\dot{\mathbf{v}}=\mathbf{A}^+\boldsymbol{\beta}$" in said

@@ -46,8 +46,8 @@ def number(x: Exact, decimal: bool) -> Expr:
 
 
 class Composer:
-    """SymPy expressions for a ring's polynomials; `decimal` prefers 0.5 to 1/2 (parameters are
-    numbers)."""
+    """SymPy expressions for a ring's polynomials; `decimal` prefers 0.5 to 1/2 (nothing but
+    numbers is given)."""
 
     def __init__(self, ring: Ring, decimal: bool) -> None:
         self.ring, self.decimal = ring, decimal

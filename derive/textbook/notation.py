@@ -144,7 +144,7 @@ class Notation:
         return Reader(
             ca.vertcat(*columns, self.reactions, *[x.sx for x in self.extra]),
             [*symbols, *self.multipliers, *[x.symbol for x in self.extra]],
-            bool(s.constants) and not self.p,
+            not self.p,  # a file of numbers alone means them as it writes them
             self.g,
             leftovers(s.model),
         )

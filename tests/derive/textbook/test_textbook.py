@@ -620,3 +620,11 @@ def test_without_freedom_the_page_says_where_the_motion_comes_from():
     said = section[: section.index(r"\section")]
     assert r"$\mathbf{v}=\mathbf{A}^+\mathbf{c}$" in said
     assert r"$\dot{\mathbf{v}}=\mathbf{A}^+\boldsymbol{\beta}$" in said
+
+
+def test_numbers_of_a_file_without_parameters_are_all_decimals():
+    """1.2 beside 0.3 is no 6/5 beside 0.3."""
+    page = latex(
+        equations(system(load_text(HELD.replace("(2 rad/s)*t", "(1.2 rad/s)*t - 0.3*(t/(1 s))^2"))))
+    )
+    assert "1.2" in page and "0.3" in page and r"\frac{6" not in page and r"\frac{3" not in page

@@ -419,9 +419,10 @@ def report(
 
     `formulations` to `tolerances` restrict what is run ("libraries" among the integrators stands
     for the library solvers). `extremes` names files or folders whose extreme cases are run too. The
-    runs of one model may take `budget` seconds; finished ones are kept, so that the same call goes
-    on where it was. `compare` names two methods (formulations, choices or enforcements) that the
-    page puts side by side. Raises ToolchainError without a C compiler.
+    runs of one model may take `budget` seconds, and building their modules as many again; finished
+    ones are kept, so that the same call goes on where it was. `compare` names two methods
+    (formulations, choices or enforcements) that the page puts side by side. Raises ToolchainError
+    without a C compiler.
     """
     from hamel.study.plan import Restrictions
     from hamel.verbs.report import run

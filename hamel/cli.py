@@ -367,7 +367,7 @@ def identify(model: str, data: str | None, base: bool, excite: str | None, **opt
     default=90.0,
     show_default=True,
     metavar="S",
-    help="Seconds for all runs of one model.",
+    help="Seconds for all runs of one model, and as many for building their modules.",
 )
 @click.option("--formulation", "formulations", cls=Listed, help="These formulations only.")
 @click.option("--choice", "choices", cls=Listed, help="These choices of quasi-velocities only.")

@@ -40,6 +40,10 @@ MOST_REPEATS = 15  # of a run whose least time is taken
 
 # study
 EXACT_LIMIT = 20.0  # seconds of a tight run
+EXACT_PARTS = 4  # … and no more than one of so many parts of the budget
+EXACT_SHARE = 0.5  # of the budget, after which no other tight run is tried
+# of what is left then, before violations over time and library solvers have their turn
+MEASURED_SHARE = 0.75
 BUILD_LIMIT = 120.0  # seconds of one build
 GRACE = 60.0  # seconds on top of what a message should take, for machines that are busy otherwise
 TRACK_LIMIT = 5.0  # seconds of one of them

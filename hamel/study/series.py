@@ -53,19 +53,23 @@ def outcomes(
     by: Engine,
     series: Iterable[Iterable[Task]],
     is_last: Callable[[Outcome], bool] = lambda outcome: False,
+    until: Callable[[], float] = lambda: math.inf,
 ) -> Generator[Outcome, None, None]:
     """As they come. The tasks of a series run one after the other, several series side by side;
-    after an outcome that `is_last` the rest of its series is left out.
+    after an outcome that `is_last` the rest of its series is left out. There are none later than
+    `until`, in seconds of time.monotonic(), which is asked again and again.
 
-    Whoever wants no more closes the iterator: what is under way ends then.
+    Whoever wants no more closes the iterator: what is under way ends then, as it does at the end
+    of the time.
     """
     waiting = deque(deque(tasks) for tasks in series)
     running: dict[Future[Any], _Run] = {}
     try:
-        while waiting or running:
+        while (waiting or running) and (left := until() - time.monotonic()) > 0.0:
             while waiting and len(running) < by.width():
                 _begin(by, waiting.popleft(), running)
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            timeout = left if left < math.inf else None
+            for future in wait(running, timeout, FIRST_COMPLETED).done:
                 run = running.pop(future)
                 outcome = _outcome(by, run, future)
                 if not is_last(outcome):

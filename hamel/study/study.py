@@ -4,11 +4,10 @@ that two tight runs agree on."""
 from __future__ import annotations
 
 import itertools
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +15,22 @@ from codegen.integrators import INTEGRATORS
 from derive.formulations.charts import BETWEEN
 from hamel.engines import Engine
 from hamel.study import libraries, modules, plan, runs
+from hamel.study.budget import Budget, budget_of
 from hamel.study.judgement import Judge, Reference, agreed
-from hamel.study.limits import BUILD_LIMIT, EXACT_LIMIT, GRACE, TRACK_LIMIT, TRACKED
+from hamel.study.limits import (
+    BUILD_LIMIT,
+    EXACT_LIMIT,
+    EXACT_PARTS,
+    EXACT_SHARE,
+    GRACE,
+    MEASURED_SHARE,
+    TRACK_LIMIT,
+    TRACKED,
+)
 from hamel.study.plan import DEFAULT, Excluded, Restrictions, Unit
 from hamel.study.results import Results
 from hamel.study.runs import TOO_LONG
-from hamel.study.series import Outcome, Task, outcomes
+from hamel.study.series import Outcome, Task
 
 # Of the two runs of the reference: two integrators on two formulations, so that they share no error
 # of discretisation. The second pair is tried where the first takes too long.
@@ -69,8 +78,12 @@ class Progress:
     folder: Path
     advance: Callable[[float, float], None]  # done, of
     excluded: list[Excluded] = field(default_factory=list)
+    budget: Budget = field(init=False)
     ready: dict[Unit, str] = field(default_factory=dict)  # folders of modules
     places: Iterator[int] = field(default_factory=itertools.count)  # each folder is used once
+
+    def __post_init__(self) -> None:
+        self.budget = budget_of(self.asked.budget)
 
 
 def study(
@@ -91,8 +104,11 @@ def study(
     units = _built(so_far, planned.units)
     units += _built(so_far, _charts(so_far, units))
     judge = Judge(start.system, _reference(so_far, units), case.span)
-    measured = _measured(so_far, units, _runs(so_far, units, judge.reference.scale))
-    measured += _library_rows(so_far, units)
+    wanted = _runs(so_far, units, judge.reference.scale)
+    _measure(so_far, wanted, MEASURED_SHARE)
+    tracks, libraries = _tracks(so_far, units), _library_rows(so_far, units)
+    _measure(so_far, wanted)  # the rest, where there is time
+    measured = _collected(so_far, wanted) + libraries
     rows = judge.rows(start.system.model.name, measured)
     return Study(
         model=start.system.model.name,
@@ -101,7 +117,7 @@ def study(
         reference=judge.confirmed(measured),
         rows=tuple(rows),
         excluded=tuple(so_far.excluded),
-        tracks=tuple(_tracks(so_far, units)),
+        tracks=tuple(tracks),
         seconds=time.monotonic() - before,
     )
 
@@ -131,7 +147,6 @@ def _built(so_far: Progress, units: Sequence[Unit]) -> list[Unit]:
     _ensure(
         so_far,
         [unit for unit in units if _built_name(so_far, unit) not in so_far.results],
-        time.monotonic() + so_far.asked.budget,
     )
     good = []
     for unit in units:
@@ -157,12 +172,16 @@ def _built(so_far: Progress, units: Sequence[Unit]) -> list[Unit]:
     return good
 
 
-def _ensure(so_far: Progress, units: Sequence[Unit], end: float = math.inf) -> None:
-    """Modules on disk for these units; those that are not ready at the time `end` are left, but for
-    two."""
+def _ensure(so_far: Progress, units: Sequence[Unit], needed: bool = False) -> None:
+    """Modules on disk for these units; those that are not ready when the seconds for them are over
+    are left, but for two, unless they are `needed`."""
     missing = [unit for unit in dict.fromkeys(units) if unit not in so_far.ready]
     series = [[_building(so_far, unit)] for unit in missing]
-    with closing(outcomes(so_far.workers, series)) as finished:
+
+    def ready() -> float:
+        return 0 if needed else len(so_far.ready)
+
+    with closing(so_far.budget.built(so_far.workers, series, ready)) as finished:
         for outcome in finished:
             unit = outcome.task.subject
             name = _built_name(so_far, unit)
@@ -171,8 +190,12 @@ def _ensure(so_far: Progress, units: Sequence[Unit], end: float = math.inf) -> N
                 so_far.results.put(name, outcome.value)
             elif outcome.reason:
                 so_far.results.put(name, {"refused": outcome.reason})
-            if time.monotonic() > end and len(so_far.ready) >= 2:
-                break
+
+
+def _ready(so_far: Progress, missing: Wanted) -> Wanted:
+    """Of runs that are missing those whose modules are on disk, built now where there is time."""
+    _ensure(so_far, [unit for unit, _ in missing])
+    return [(unit, run) for unit, run in missing if unit in so_far.ready]
 
 
 def _building(so_far: Progress, unit: Unit) -> Task:
@@ -218,7 +241,13 @@ def _reference(so_far: Progress, units: Sequence[Unit]) -> Reference:
         references += _first_exact(so_far, rest or plain, *second)
         if len(references) == 2:
             break
-    return agreed(references)
+    reference = agreed(references)
+    late = so_far.budget.runs < (1.0 - EXACT_SHARE) * so_far.budget.seconds
+    return replace(reference, doubt=_used_up(so_far)) if reference.doubt and late else reference
+
+
+def _used_up(so_far: Progress) -> str:
+    return f"the {so_far.asked.budget:g} s for this model were used up; the same command goes on"
 
 
 def _first_exact(
@@ -226,6 +255,8 @@ def _first_exact(
 ) -> list[tuple[str, dict[str, Any]]]:
     """The first unit's run that comes to its end."""
     for unit in units:
+        if so_far.budget.runs < (1.0 - EXACT_SHARE) * so_far.budget.seconds:
+            break
         exact = _exact(so_far, [unit], integrator, rtol)
         if exact:
             return exact
@@ -236,21 +267,29 @@ def _exact(
     so_far: Progress, units: Sequence[Unit], integrator: str, rtol: float
 ) -> list[tuple[str, dict[str, Any]]]:
     names = {unit: _name(unit, "exact", integrator, f"{rtol:.0e}") for unit in units}
-    missing = [unit for unit in units if names[unit] not in so_far.results]
-    _ensure(so_far, missing)
+    limit = min(EXACT_LIMIT, so_far.asked.budget / EXACT_PARTS)
+    missing = [unit for unit in units if not _is_tried(so_far.results.get(names[unit]), limit)]
+    _ensure(so_far, missing, needed=True)
     series = []
     for unit in missing:
         run = {"enforcement": _usual(so_far, unit), "integrator": integrator, "rtol": rtol}
-        arguments = {**_simulation(so_far, unit, run), "limit": EXACT_LIMIT}
+        arguments = {**_simulation(so_far, unit, run), "limit": limit}
         series.append([Task(runs.exact, arguments, EXACT_LIMIT + GRACE, unit)])
-    for outcome in outcomes(so_far.workers, series):
+    for outcome in so_far.budget.ran(so_far.workers, series, share=0.0):
         if outcome.status in ("done", "refused"):
             value = outcome.value or {"failed": outcome.reason}
-            so_far.results.put(names[outcome.task.subject], value)
+            so_far.results.put(names[outcome.task.subject], {**value, "limit": limit})
     ends = [(unit, so_far.results.get(names[unit]) or {}) for unit in units]
     return [
         (f"{_title(unit)}, {integrator} at {rtol:.0e}", end) for unit, end in ends if "sizes" in end
     ]
+
+
+def _is_tried(end: Mapping[str, Any] | None, limit: float) -> bool:
+    """A tight run that took too long may do with more time."""
+    if end is None or end.get("failed") != TOO_LONG:
+        return end is not None
+    return end.get("limit", EXACT_LIMIT) >= 0.99 * limit
 
 
 def _simulation(so_far: Progress, unit: Unit, run: Mapping[str, Any]) -> dict[str, Any]:
@@ -290,9 +329,8 @@ def _runs(so_far: Progress, units: Sequence[Unit], scale: int) -> Wanted:
     )
 
 
-def _measured(so_far: Progress, units: Sequence[Unit], wanted: Wanted) -> Made:
-    """The rows of all runs, from the cache or made now; those the budget has no time for are
-    noted."""
+def _measure(so_far: Progress, wanted: Wanted, part: float = 1.0) -> None:
+    """Makes the rows of all runs that are not known, in that part of the time that is left."""
     each = so_far.workers.width() * so_far.asked.budget / max(1, len(wanted))
     limit, share = min(30.0, max(0.3, 20 * each)), min(0.05, max(0.002, each / 4))
     missing = [
@@ -300,16 +338,12 @@ def _measured(so_far: Progress, units: Sequence[Unit], wanted: Wanted) -> Made:
         for unit, run in wanted
         if not _is_known(so_far.results.get(_name(unit, run["key"])), limit)
     ]
-    _ensure(so_far, [unit for unit, _ in missing])
-    done, end = len(wanted) - len(missing), time.monotonic() + so_far.asked.budget
-    series = _families(so_far, missing, limit, share)
-    with closing(outcomes(so_far.workers, series, _is_hopeless)) as finished:
+    done = len(wanted) - len(missing)
+    series = _families(so_far, _ready(so_far, missing), limit, share)
+    with closing(so_far.budget.ran(so_far.workers, series, _is_hopeless, part)) as finished:
         for outcome in finished:
             done += _put(so_far, outcome, limit)
             so_far.advance(done, len(wanted))
-            if time.monotonic() > end:
-                break
-    return _collected(so_far, wanted)
 
 
 def _is_known(row: Mapping[str, Any] | None, limit: float) -> bool:
@@ -360,6 +394,7 @@ def _put(so_far: Progress, outcome: Outcome, limit: float) -> int:
 
 
 def _collected(so_far: Progress, wanted: Wanted) -> Made:
+    """The rows of all runs; those that there was no time for are noted."""
     results: Made = []
     late: dict[Unit, int] = {}
     for unit, run in wanted:
@@ -369,11 +404,20 @@ def _collected(so_far: Progress, wanted: Wanted) -> Made:
             continue
         operations = so_far.results[_built_name(so_far, unit)]["operations"]
         results.append((unit, run, {**row, "operations": operations}))
-    for unit, count in late.items():
-        budget = f"the {so_far.asked.budget:g} s for this model were used up"
-        reason = f"{count} runs not done: {budget}; the same command goes on"
-        so_far.excluded.append(Excluded(unit.formulation, unit.choice, unit.own, "", reason))
+    _note_late(so_far, late)
     return results
+
+
+def _note_late(so_far: Progress, late: Mapping[Unit, int], integrator: str = "") -> None:
+    """Runs of units that there was no time for."""
+    for unit, count in late.items():
+        reason = f"{_runs_of(count)} not done: {_used_up(so_far)}"
+        names = (unit.formulation, unit.choice, unit.own, integrator)
+        so_far.excluded.append(Excluded(*names, reason))
+
+
+def _runs_of(count: int) -> str:
+    return "1 run" if count == 1 else f"{count} runs"
 
 
 def _library_rows(so_far: Progress, units: Sequence[Unit]) -> Made:
@@ -393,6 +437,13 @@ def _library_rows(so_far: Progress, units: Sequence[Unit]) -> Made:
                 tolerances = so_far.asked.tolerances
                 wanted += [(unit, run) for run in plan.library_runs(solver, tolerances)]
     _run_libraries(so_far, [(u, r) for u, r in wanted if _name(u, r["key"]) not in so_far.results])
+    late: dict[str, dict[Unit, int]] = {}
+    for unit, run in wanted:
+        if _name(unit, run["key"]) not in so_far.results:
+            counts = late.setdefault(run["integrator"], {})
+            counts[unit] = counts.get(unit, 0) + 1
+    for solver, counts in late.items():
+        _note_late(so_far, counts, solver)
     return [
         (unit, run, so_far.results[_name(unit, run["key"])])
         for unit, run in wanted
@@ -402,9 +453,8 @@ def _library_rows(so_far: Progress, units: Sequence[Unit]) -> Made:
 
 def _run_libraries(so_far: Progress, missing: Wanted) -> None:
     """One solver on one unit's equations after the other, loose tolerances first."""
-    _ensure(so_far, [unit for unit, _ in missing])
     families: dict[tuple[Unit, str], list[dict[str, Any]]] = {}
-    for unit, run in missing:
+    for unit, run in _ready(so_far, missing):
         families.setdefault((unit, run["integrator"]), []).append(run)
     series = []
     for (unit, _), members in families.items():
@@ -413,7 +463,7 @@ def _run_libraries(so_far: Progress, missing: Wanted) -> None:
             arguments = {**_simulation(so_far, unit, run), "unit": unit.about}
             tasks.append(Task(libraries.row, arguments, GRACE, (unit, keys[number:])))
         series.append(tasks)
-    for outcome in outcomes(so_far.workers, series, _is_slow):
+    for outcome in so_far.budget.ran(so_far.workers, series, _is_slow):
         unit, (key, *rest) = outcome.task.subject
         so_far.results.put(_name(unit, key), _row(outcome))
         for other in rest if _is_slow(outcome) else ():
@@ -444,16 +494,7 @@ def _tracks(so_far: Progress, units: Sequence[Unit]) -> list[dict[str, Any]]:
         elif unit.formulation == "augmented":
             wanted += [(unit, enforcement) for enforcement in enforcements if enforcement == "none"]
     names = {key: _name(key[0], "track", key[1]) for key in wanted}
-    missing = {key: name for key, name in names.items() if name not in so_far.results}
-    _ensure(so_far, [unit for unit, _ in missing])
-    series = []
-    for (unit, enforcement), name in missing.items():
-        run = {"enforcement": enforcement, "integrator": INTEGRATORS[0].name, "rtol": TRACKED}
-        arguments = {**_simulation(so_far, unit, run), "limit": TRACK_LIMIT}
-        series.append([Task(runs.track, arguments, GRACE, name)])
-    for outcome in outcomes(so_far.workers, series):
-        if outcome.status == "done":
-            so_far.results.put(outcome.task.subject, outcome.value)
+    _track(so_far, {key: name for key, name in names.items() if name not in so_far.results})
     known = [
         (unit, enforcement, so_far.results.get(name)) for (unit, enforcement), name in names.items()
     ]
@@ -461,6 +502,30 @@ def _tracks(so_far: Progress, units: Sequence[Unit]) -> list[dict[str, Any]]:
         {**track, "about": _label(unit, enforcement)}
         for unit, enforcement, track in known
         if track and "t" in track
+    ]
+
+
+def _track(so_far: Progress, missing: Mapping[tuple[Unit, str], str]) -> None:
+    """Those of these units and enforcements, under their names; what there is no time for is
+    noted."""
+    _ensure(so_far, [unit for unit, _ in missing])
+    late, series = dict(missing), []
+    for key, name in missing.items():
+        unit, enforcement = key
+        if unit not in so_far.ready:
+            continue
+        run = {"enforcement": enforcement, "integrator": INTEGRATORS[0].name, "rtol": TRACKED}
+        arguments = {**_simulation(so_far, unit, run), "limit": TRACK_LIMIT}
+        series.append([Task(runs.track, arguments, GRACE, (key, name))])
+    for outcome in so_far.budget.ran(so_far.workers, series):
+        key, name = outcome.task.subject
+        late.pop(key)
+        if outcome.status == "done":
+            so_far.results.put(name, outcome.value)
+    reason = f"violations over time not drawn: {_used_up(so_far)}"
+    so_far.excluded += [
+        Excluded(unit.formulation, unit.choice, enforcement, "", reason)
+        for unit, enforcement in late
     ]
 
 

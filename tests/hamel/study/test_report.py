@@ -1,7 +1,7 @@
 """hamel report: rows to believe, a page without network, nothing computed twice, and a wrong
 reference that is noticed.
 
-Of hamel.study: comparison, libraries, limits, page, plan, plots, results, runs.
+Of hamel.study: budget, comparison, libraries, limits, page, plan, plots, results, runs.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from hamel.draw import Series, chart
 from hamel.engines import engine
 from hamel.records import Reported
 from hamel.study import advice, comparison, front, judgement, modules, plan, runs, series, study
+from hamel.study.budget import budget_of
 from hamel.study.judgement import COLUMNS, Judge, Reference
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -174,6 +175,33 @@ def test_nothing_is_computed_twice(
     assert again.rows == record.rows and not started
     with engine("processes", 1) as workers, pytest.raises(OSError, match="no more"):
         next(series.outcomes(workers, [[series.Task(abs, {}, 1.0)]]))
+
+
+def test_libraries_share_the_seconds_of_all_runs(place: Path, tmp_path: Path) -> None:
+    """With no time for anything the page says so of them, too."""
+    asked = ASKED | {"tolerances": (1e-7,), "budget": 0.01}
+    found = hamel.report([place / "swing.yaml"], out=tmp_path, **asked)
+    assert not any(front.is_library(row) for row in found.rows)
+    late = [x for x in found.models[0]["excluded"] if x["integrator"] == "cvodes"]
+    assert late and all("1 run not done: the 0.01 s" in x["reason"] for x in late)
+
+
+def test_no_outcome_is_later_than_the_budget() -> None:
+    """What is under way then is ended; the time of earlier runs is gone."""
+    with engine("processes", 2) as workers:
+        left = budget_of(2.0)
+        task = series.Task(asleep, {"seconds": 60.0}, 90.0)
+        before = time.monotonic()
+        assert [*left.ran(workers, [[task]] * 3, share=0.5)] == []
+        assert time.monotonic() - before < 10.0 and left.runs <= 1.0 and left.modules == 2.0
+        assert [*budget_of(-1.0).ran(workers, [[task]])] == []
+        brief = series.Task(asleep, {"seconds": 0.0}, 90.0)
+        assert len([*budget_of(-1.0).ran(workers, [[brief]], share=0.0)]) == 1
+
+
+def asleep(seconds: float) -> dict[str, Any]:
+    time.sleep(seconds)
+    return {}
 
 
 def test_a_file_that_was_edited_is_read_anew(tmp_path: Path) -> None:

@@ -11,6 +11,8 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import signal
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import (
@@ -91,11 +93,12 @@ class Processes(Executor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """To the process that has least to do."""
         place = self._load.index(min(self._load))
-        try:
-            future = self._process(place).submit(fn, *args, **kwargs)
-        except BrokenExecutor:  # it ended since its last answer
-            self._drop(place)
-            future = self._process(place).submit(fn, *args, **kwargs)
+        with _uninterrupted():
+            try:
+                future = self._process(place).submit(fn, *args, **kwargs)
+            except BrokenExecutor:  # it ended since its last answer
+                self._drop(place)
+                future = self._process(place).submit(fn, *args, **kwargs)
         self._load[place] += 1
         self._where[future] = place
         future.add_done_callback(lambda done: self._finished(place, done))
@@ -128,6 +131,27 @@ class Processes(Executor):
         process, self._places[place] = self._places[place], None
         if process is not None:
             process.shutdown(wait=True, kill_workers=True)
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Processes that start here inherit that no Ctrl-C reaches them: this one ends them, and puts
+    away what they share with it. A Ctrl-C meanwhile waits until they have started."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    late: list[int] = []
+    is_main = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGINT, lambda number, _: late.append(number)) if is_main else 0
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if is_main:
+            signal.signal(signal.SIGINT, handler)
+    if late:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _silence() -> None:

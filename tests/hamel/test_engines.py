@@ -6,6 +6,7 @@ Of hamel: engines.
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from concurrent.futures import BrokenExecutor
@@ -14,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from derive.diagnostics import ModelError, ToolchainError
-from hamel.engines import Processes, engine
+from hamel.engines import Processes, _uninterrupted, engine
 
 
 def test_threads_are_of_this_process() -> None:
@@ -65,3 +66,22 @@ def test_a_scheduler_that_does_not_answer_is_told() -> None:
         engine("tcp://127.0.0.1:9"),
     ):
         pass
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals are not masked here")
+def test_an_interrupt_of_the_terminal_is_for_this_process_alone() -> None:
+    """It goes to all in the group: processes that ended by it left their semaphores behind."""
+    before = signal.getsignal(signal.SIGINT)
+    with engine("processes", 1) as workers:
+        blocked = workers.executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, ())
+        assert signal.SIGINT in blocked.result()
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals are not masked here")
+def test_an_interrupt_while_processes_start_is_not_lost() -> None:
+    with pytest.raises(KeyboardInterrupt), _uninterrupted():
+        signal.raise_signal(signal.SIGINT)
+        started = True
+    assert started

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+ROOM = 0.04  # of the length of an axis
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,13 @@ def logarithmic(values: Iterable[float], floor: float = 1e-18) -> Axis:
     every = max(1, (high - low) // 4)
     ticks = tuple((float(k), f"1e{k}") for k in range(low, high + 1, every))
     return Axis(low, high, _placed(ticks, low, high), log=True)
+
+
+def roomy(axis: Axis) -> Axis:
+    """The axis with some room at both ends, so that what stands there is off the frame."""
+    room = ROOM * (axis.high - axis.low)
+    ticks = tuple(((at + ROOM) / (1 + 2 * ROOM), label) for at, label in axis.ticks)
+    return replace(axis, low=axis.low - room, high=axis.high + room, ticks=ticks)
 
 
 def _placed(

@@ -387,6 +387,16 @@ def test_a_chart_is_drawn_with_both_axes_logarithmic() -> None:
     )
 
 
+def test_what_stands_at_the_end_of_a_decade_is_off_the_frame() -> None:
+    points = [(0.1, 1e-15), (0.1, 1e-3), (1e1, 1e-15)]
+    text = chart("t", "x", "y", [Series("dots", points, "dots")])
+    frame = re.search(r'<rect class="frame" x="(.+?)" y="(.+?)" width="(.+?)" height="(.+?)"', text)
+    assert frame
+    left, top, width, height = map(float, frame.groups())
+    for x, y in re.findall(r"M([\d.]+),([\d.]+)h0", text):
+        assert 5 < float(x) - left < width - 5 and 5 < float(y) - top < height - 5
+
+
 def test_scales_are_those_of_the_motion(place: Path) -> None:
     system = modules.start(str(place / "swing.yaml"), {}).system
     reference = Reference(

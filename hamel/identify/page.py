@@ -15,12 +15,20 @@ from hamel.records import Identified
 
 HEADS = ("ordinary", "weighted", "deviation", "consistent")
 POINTS = 600  # of a curve
+FORCES = {"rad/s": "N m", "1/s": "N m", "m/s": "N"}  # by the unit of the speed they act along
 
 
 def page(found: Fit, record: Identified) -> str:
     """HTML, figures inside, no script."""
     rows = [
-        (x.name, *_cells(x.ordinary, x.weighted, x.deviation, x.consistent), x.unit, x.sum)
+        (
+            x.name,
+            *_cells(x.ordinary, x.weighted),
+            *_cells(x.deviation, digits=3),
+            *_cells(x.consistent),
+            x.unit,
+            x.sum,
+        )
         for x in record.base
     ]
     standard = [
@@ -41,8 +49,8 @@ def page(found: Fit, record: Identified) -> str:
     )
 
 
-def _cells(*values: float | None) -> list[str]:
-    return ["–" if value is None else f"{value:.6g}" for value in values]
+def _cells(*values: float | None, digits: int = 6) -> list[str]:
+    return ["–" if value is None else f"{value:.{digits}g}" for value in values]
 
 
 def _figures(found: Fit) -> list[str]:
@@ -56,11 +64,12 @@ def _of_rows(found: Fit, rows: Rows, about: str) -> list[str]:
     predicted, left = rows.A @ found.values, residuals(rows, found.values)
     every = max(1, len(rows.t) // POINTS)
     figures: list[str] = []
-    for k, name in enumerate(found.equations.w):
+    units = found.equations.argument("x").units[found.equations.speeds]
+    for k, (name, unit) in enumerate(zip(found.equations.w, units)):
         lines = {"measured": rows.y, "predicted": predicted, "left": left}
         series = [Series(n, _points(rows.t, y[:, k], every), "curve") for n, y in lines.items()]
         title = f"force over {name}{about}"
-        figures.append(chart(title, "t (s)", "N or N m", series, (False, False)))
+        figures.append(chart(title, "t (s)", FORCES.get(unit, "N or N m"), series, (False, False)))
     return figures
 
 

@@ -160,7 +160,9 @@ def test_positions_alone_are_filtered_and_predict_another_motion(motion, tmp_pat
     record = hamel.identify(model, data, check=tmp_path / "check.csv", cutoff=8.0, page=page)
     assert max(record.check_residuals) < 0.03
     assert any("Butterworth" in note for note in record.notes)
-    assert "<svg" in page.read_text("utf-8")
+    text = page.read_text("utf-8")
+    assert "<svg" in text and "↑ N m<" in text and "N or N m" not in text
+    assert 'table class="base"' in text and "overflow-wrap: anywhere" in text  # sums are long
 
 
 def test_the_written_model_is_physical_and_has_the_values(motion, tmp_path):

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from derive.model.document import Items, Scalar
 from derive.model.entries import CoordinateEntry, ParameterEntry
-from derive.model.names import COMMANDS
+from derive.model.names import COMMANDS, cut
 from derive.model.reader import Reader
 from derive.model.records import Coordinate
 from derive.model.shape import Document
@@ -71,7 +71,7 @@ def _fits(reader: Reader, scalar: Scalar) -> bool:
         return True
     reader.report(
         scalar.span,
-        f"'{text[:MOST]}' is not a symbol",
+        f"'{cut(text)}' is not a symbol",
         r"a letter of LaTeX with its indices, such as \delta_{1} or \hat{x}",
     )
     return False

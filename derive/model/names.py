@@ -58,6 +58,11 @@ def identifier(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9]", "_", name)
 
 
+def cut(text: str) -> str:
+    """What a message quotes of a text that may be too long."""
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
+
+
 def _spelled(name: str) -> str:
     """How a name that is one Greek letter may be written."""
     about = unicodedata.name(name, "") if len(name) == 1 else ""
@@ -75,10 +80,13 @@ def _spelled(name: str) -> str:
 def objection(name: str) -> tuple[str, str] | None:
     """Why a name cannot be used and what was expected, or None."""
     if re.match(r"[0-9]+ *[a-zA-Z/*^]*\Z", name):
-        return f"{name!r} is not a name", "a letter first; a number has a decimal point: 2.5 kg"
+        return (
+            f"{cut(name)!r} is not a name",
+            "a letter first; a number has a decimal point: 2.5 kg",
+        )
     if not _WORD.match(name) or len(name) > LONGEST:
         return (
-            f"{name[:LONGEST]!r} is not a name",
+            f"{cut(name)!r} is not a name",
             f"a letter, then letters, digits and underscores, at most {LONGEST}{_spelled(name)}",
         )
     if "__" in name or name.endswith("_"):

@@ -564,6 +564,12 @@ joints: {j: {type: revolute, parent: ground, child: a, coordinate: φ}}
     assert r"phi with `symbol: \phi` is shown as φ" in said[1][1]
 
 
+def test_what_is_cut_of_a_long_name_is_marked() -> None:
+    for name in ("x" * 61, "9" * 61):
+        said = names.objection(name)
+        assert said and said[0] == f"'{name[:60]}…' is not a name"
+
+
 @pytest.mark.parametrize(
     "letter, hint",
     (

@@ -49,7 +49,7 @@ except ImportError:
 
         backend = "numpy"
         _warnings.warn("four_bar: no compiled code fits this Python; using NumPy, which is slower. "
-                       "Run build.py in the folder of four_bar to compile.", RuntimeWarning, stacklevel=2)
+                       "Run build.py in the folder of four_bar to compile; from an archive, unpack it first.", RuntimeWarning, stacklevel=2)
 
 dynamics = _binding.dynamics
 mass = _binding.mass

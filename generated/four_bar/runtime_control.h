@@ -191,7 +191,7 @@ static double first_step(Run *r, double order, double span)
     const double size = norm(r, y, y, y), speed = norm(r, k, y, y);
     double h = size < 1e-5 || speed < 1e-5 ? 1e-6 : 0.01 * size / speed, bend, next[N], other[N];
     int i;
-    h = fmin(h, span);
+    h = fmin(fmax(h, 64.0 * DBL_EPSILON * fabs(t)), span); /* also where y passes through zero: time has to move */
     for (i = 0; i < N; i++)
         next[i] = y[i] + h * k[i];
     if (slope(r, t + h, next, other) != OK)

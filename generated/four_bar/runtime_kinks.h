@@ -15,6 +15,7 @@ enum {
     ROUGH = 8,     /* iterations of a root that the steps of the method improve on */
     FINE = 60      /* of one that is the result */
 };
+static const double NEVER = 2.0;       /* more than the whole step */
 static const double NEAREST = 1e-6;    /* share of a step: a kink before that is left to the error control */
 static const double CLOSE = 1e-3;      /* share of the way to a kink that a step leaves at first */
 static const double CLOSE_FIXED = 0.1; /* the same of a step of given size, whose error nobody knows */
@@ -63,21 +64,22 @@ static double root_along(Run *r, const Dense *d, int k, double t, double h, doub
     return place;
 }
 
-/* The share of a step from y to z at which one of the functions, `which`, changes its sign first, by the cubic through both ends; 1 where
-   none does. Number `but`, from 1 on, is not asked: the step begins on it. */
+/* The share of a step from y to z at which one of the functions, `which`, changes its sign first, by the cubic through both ends, or by
+   rounding behind it; NEVER where none does. Number `but`, from 1 on, is not asked: the step begins on it. */
 static double first_kink(Run *r, int but, double t, double h, const double *y, const double *own, const double *z, const double *next, int *which)
 {
-    double before[KINKS], after[KINKS], at[N], first = 1.0;
+    const double rounding = 4.0 * DBL_EPSILON * fmax(fabs(t + h), h);
+    double before[KINKS], after[KINKS], at[N], first = NEVER;
     Dense d;
     int j, k;
     if (kinks_at(r, t, y, before) != OK)
-        return 1.0;
+        return NEVER;
     cubic(&d, h, y, own, z, next);
-    for (j = 1; j <= FOURTHS && first == 1.0; j++) {
+    for (j = 1; j <= FOURTHS && first == NEVER; j++) {
         const double a = (double)(j - 1) / FOURTHS, b = (double)j / FOURTHS;
         dense_at(&d, b, at);
-        if (kinks_at(r, t + b * h, j < FOURTHS ? at : z, after) != OK)
-            return 1.0;
+        if (kinks_at(r, t + b * h + (j < FOURTHS ? 0.0 : rounding), j < FOURTHS ? at : z, after) != OK)
+            return NEVER;
         for (k = 0; k < KINKS; k++)
             if (k + 1 != but && before[k] * after[k] < 0.0) {
                 const double place = root_along(r, &d, k, t, h, a, b, before[k], after[k]);
@@ -185,7 +187,7 @@ static int before_kink(Run *r, const Method *method, int failed, Trial *to)
         to->next[n] = s->slope[n];
     }
     search.place = first_kink(r, s->landed, s->t, whole.h, s->x, s->slope, to->z, to->next, &which);
-    if (!(search.place > NEAREST && search.place < 1.0))
+    if (!(search.place > NEAREST && search.place <= 1.0))
         return failed;
     to->kink = which + 1;
     start = kink_at(r, which, s->t, s->x);
@@ -207,22 +209,69 @@ static int before_kink(Run *r, const Method *method, int failed, Trial *to)
     return method->step(r, method->coefficients, s->t, to->h, s->x, s->slope, to->z, to->next, &to->error);
 }
 
-/* Across the kink that a step ended before, by no more than rounding, unless `time` is nearer. */
-static void across_kink(Run *r, double time, Trial *to)
+/* By how much rates of the coordinates differ `near` the place h behind a step, before it and behind it; `fast` becomes the largest of
+   them. Less than nothing where they have no value. */
+static double rates_apart(Run *r, const Trial *to, double h, double near, double *fast)
 {
-    const double start = kink_at(r, to->kink - 1, to->end, to->z);
-    double z[N], next[N], h, more = 2.0 * DBL_EPSILON * fmax(fabs(to->end), to->left);
-    int n;
-    for (n = 0; n < ATTEMPTS && to->end + (h = to->left + more) < time; n++, more *= 2.0) {
-        if (!(start * behind(r, to, h, z) < 0.0))
-            continue;
-        if (slope(r, to->end + h, z, next) != OK)
-            return;
-        memcpy(to->z, z, sizeof z);
-        memcpy(to->next, next, sizeof next);
-        to->end += h;
-        to->h += h;
-        return;
+    double z[N], before[N], after[N], apart = 0.0;
+    int i;
+    behind(r, to, h - near, z);
+    if (slope(r, to->end + (h - near), z, before) != OK)
+        return -1.0;
+    behind(r, to, h + near, z);
+    if (slope(r, to->end + (h + near), z, after) != OK)
+        return -1.0;
+    for (i = 0; i < NQ; i++) {
+        apart = fmax(apart, fabs(after[i] - before[i]));
+        *fast = fmax(*fast, fmax(fabs(before[i]), fabs(after[i])));
     }
+    return apart;
+}
+
+/* Whether what constraints allow jumps at the kink that a step ended before, and rates of the coordinates with it: that is a blow, and the
+   quasi-velocities behind it are others. What only begins there is the faster the farther behind it is; a jump is as large nearby. */
+static int is_blow(Run *r, const Trial *to)
+{
+    const double near = 4.0 * DBL_EPSILON * fmax(fabs(to->end + to->left), to->left);
+    double fast = 0.0;
+    const double apart = rates_apart(r, to, to->left, near, &fast);
+    return apart > sqrt(DBL_EPSILON) * fast && apart > 0.5 * rates_apart(r, to, to->left, 8.0 * near, &fast);
+}
+
+/* By h on from where a step ended, with the slope at that state `later`. Returns a status, and leaves the step where it has no value. */
+static int go_on(Run *r, Trial *to, double h, double later)
+{
+    double z[N], next[N];
+    int status;
+    behind(r, to, h, z);
+    if ((status = slope(r, to->end + h + later, z, next)) != OK)
+        return status;
+    memcpy(to->z, z, sizeof z);
+    memcpy(to->next, next, sizeof next);
+    to->end += h;
+    to->h += h;
+    return OK;
+}
+
+/* Across the kink that a step ended before, by no more than rounding; or up to `time` where that is nearer, and across with what comes
+   next where both are one. Returns JUMP where there is a blow. */
+static int across_kink(Run *r, double time, Trial *to)
+{
+    const double start = kink_at(r, to->kink - 1, to->end, to->z), left = time - to->end;
+    double z[N], more = 2.0 * DBL_EPSILON * fmax(fabs(to->end), to->left);
+    int n;
+    if (is_blow(r, to))
+        return JUMP;
+    if (fabs(left - to->left) <= 4.0 * more) {
+        if (left > 0.0 && go_on(r, to, left, 4.0 * more) == OK)
+            to->end = time;
+        return OK;
+    }
+    for (n = 0; n < ATTEMPTS && to->end + to->left + more < time; n++, more *= 2.0)
+        if (start * behind(r, to, to->left + more, z) < 0.0) {
+            go_on(r, to, to->left + more, 0.0);
+            break;
+        }
+    return OK;
 }
 #endif

@@ -437,7 +437,7 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
 #if KINKS
     if (trial.kink && !stops) {
         trial.h = h;
-        across_kink(r, time, &trial);
+        status = across_kink(r, time, &trial);
         h = trial.h, end = trial.end;
     }
 #endif
@@ -459,6 +459,8 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
             s->next_step = first_step(r, method->order, s->next_step);
     }
 #endif
+    if (status != OK)
+        return status; /* a blow, just behind the state */
     return stops ? EVENT : OK;
 }
 

@@ -13,6 +13,7 @@ from ._numpy_motion import Failed, Motion
 from ._runge_kutta import Step
 
 FOURTHS = 4  # of a step, at whose ends kinks are looked at
+NEVER = 2.0  # more than the whole step
 NEAREST = 1e-6  # share of a step: a kink before that is left to the error control
 ATTEMPTS = 20  # steps to come near a kink
 ROUGH, FINE = 8, 60  # iterations of a root that steps improve on, and of one that is the result
@@ -74,7 +75,7 @@ def landing(motion: Motion, step: Step, z: np.ndarray, error: float) -> Landing:
     where forces jump. Raises Failed."""
     whole = Landing(step, z, error)
     place, k = _first(motion, step, z)
-    if not NEAREST < place < 1:
+    if not NEAREST < place <= 1:
         return whole
     fixed = bool(motion.state["step_size"])
     start: Any = kinks(motion, step.t, step.y)[k]
@@ -123,21 +124,59 @@ def _is_near(motion: Motion, whole: Step, trial: Landing, g: Any, search: Search
     return False
 
 
-def crossed(motion: Motion, trial: Landing, time: Any) -> tuple[Any, np.ndarray, np.ndarray] | None:
-    """Time, state and slope behind the kink, by no more than rounding; None where `time` is nearer
-    or no change of sign is near. Raises Failed."""
+Place = tuple[Any, np.ndarray, np.ndarray]  # time, state and slope
+
+
+def crossed(motion: Motion, trial: Landing, time: Any) -> tuple[Place | None, bool]:
+    """Where the motion is behind the kink, by no more than rounding, or at `time`, with what comes
+    next, where both are one; None where `time` is nearer or no change of sign is near. And whether
+    there is a blow. Raises Failed."""
     k = trial.number - 1
     start = kinks(motion, trial.end, trial.z)[k]
     more = 2 * np.finfo(motion.facts.real).eps * max(abs(trial.end), trial.left)
+    if _is_blow(motion, trial):
+        return None, True
+    left = time - trial.end
+    if abs(left - trial.left) <= 4 * more:
+        return (_gone_on(motion, trial, left, 4 * more) if left > 0 else None), False
     for _ in range(ATTEMPTS):
         h = trial.left + more
         if not trial.end + h < time:
-            return None
-        z = trial.carried(h)
-        if start * kinks(motion, trial.end + h, z)[k] < 0:
-            return trial.end + h, z, motion.slope(trial.end + h, z)
+            break
+        if start * kinks(motion, trial.end + h, trial.carried(h))[k] < 0:
+            return _gone_on(motion, trial, h, 0.0), False
         more *= 2
-    return None
+    return None, False
+
+
+def _gone_on(motion: Motion, trial: Landing, h: Any, later: Any) -> Place:
+    """By h on, with the slope at that state `later`. Raises Failed."""
+    z = trial.carried(h)
+    return trial.end + h, z, motion.slope(trial.end + h + later, z)
+
+
+def _is_blow(motion: Motion, trial: Landing) -> bool:
+    """Whether what constraints allow jumps at the kink, and rates of the coordinates with it: that
+    is a blow, and the quasi-velocities behind it are others. What only begins there is the faster
+    the farther behind it is; a jump is as large nearby."""
+    eps = np.finfo(motion.facts.real).eps
+    near = 4 * eps * max(abs(trial.end + trial.left), trial.left)
+    try:
+        apart, fast = _rates_apart(motion, trial, near)
+        begins = 0.5 * _rates_apart(motion, trial, 8 * near)[0]
+    except Failed:
+        return False
+    return bool(apart > np.sqrt(eps) * fast and apart > begins)
+
+
+def _rates_apart(motion: Motion, trial: Landing, near: Any) -> tuple[Any, Any]:
+    """By how much rates of the coordinates differ before and behind the kink, and the largest of
+    them. Raises Failed."""
+    before, after = (
+        motion.slope(trial.end + h, trial.carried(h))[: motion.facts.nq]
+        for h in (trial.left - near, trial.left + near)
+    )
+    return np.abs(after - before).max(), max(np.abs(before).max(), np.abs(after).max())
 
 
 def _along(motion: Motion, step: Step, z: np.ndarray, k: int) -> Values:
@@ -147,13 +186,18 @@ def _along(motion: Motion, step: Step, z: np.ndarray, k: int) -> Values:
 
 
 def _first(motion: Motion, step: Step, z: np.ndarray) -> tuple[float, int]:
-    """The share of the step at which one of the functions changes its sign first, and which."""
+    """The share of the step at which one of the functions changes its sign first, or by rounding
+    behind it, and which."""
+    end = step.t + step.h
+    rounding = 4 * np.finfo(motion.facts.real).eps * max(abs(end), step.h)
     state = step.continuous(None, motion.slope, z, step.stages[-1])
     before, masked = kinks(motion, step.t, step.y), int(motion.state["landed"]) - 1
     for j in range(1, FOURTHS + 1):
         a, b = (j - 1) / FOURTHS, j / FOURTHS
-        at = state(b) if j < FOURTHS else z
-        after = kinks(motion, step.t + b * step.h, at)
+        if j < FOURTHS:
+            after = kinks(motion, step.t + b * step.h, state(b))
+        else:
+            after = kinks(motion, end + rounding, z)
         changed = [int(k) for k in np.flatnonzero(before * after < 0) if k != masked]
         if changed:
             roots = [
@@ -162,13 +206,16 @@ def _first(motion: Motion, step: Step, z: np.ndarray) -> tuple[float, int]:
             ]
             return min(roots)
         before = after
-    return 1.0, -1
+    return NEVER, -1
 
 
 def _root(values: Values, a: Any, b: Any, ga: Any, gb: Any, most: int) -> Any:
-    """About where the values are zero between a and b: false position with bisections."""
+    """About where the values are zero between a and b: false position with bisections, also where
+    one end is a root."""
     for n in range(most):
         c = 0.5 * (a + b) if n % 3 == 2 else b - gb * (b - a) / (gb - ga)
+        if not a < c < b:
+            c = 0.5 * (a + b)
         g = values(c)
         if g * gb > 0:
             b, gb = c, g

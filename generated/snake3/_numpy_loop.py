@@ -169,7 +169,9 @@ def _first_step(motion: Motion, span: Any) -> Any:
     """Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, II.4."""
     t, y, k = motion.state["t"], motion.state["x"], motion.state["slope"]
     size, speed = motion.norm(y, y, y), motion.norm(k, y, y)
-    h = min(1e-6 if size < 1e-5 or speed < 1e-5 else 0.01 * size / speed, span)
+    h = 1e-6 if size < 1e-5 or speed < 1e-5 else 0.01 * size / speed
+    moves = 64 * np.finfo(motion.facts.real).eps * abs(t)  # time, where y passes zero, too
+    h = min(max(h, moves), span)
     try:
         change = motion.slope(t + h, y + h * k) - k
     except Failed:
@@ -196,6 +198,7 @@ class Trial:
     slope: Any = None
     guards: Any = None
     stops: bool = False
+    blow: bool = False  # just behind the end
     passes: bool = False  # by a singular position
     landing: Landing | None = None  # where forces are in pieces
 
@@ -264,7 +267,8 @@ def _go_across(motion: Motion, trial: Trial) -> None:
     if before is None or not before.number:
         return
     before.z, before.step.stages[-1] = trial.z, trial.slope  # as the enforcement left them
-    if (behind := crossed(motion, before, trial.goal)) is not None:
+    behind, trial.blow = crossed(motion, before, trial.goal)
+    if behind is not None:
         trial.end, trial.z, trial.slope = behind
         trial.h = trial.end - motion.state["t"]
 
@@ -307,6 +311,8 @@ def _accept(motion: Motion, trial: Trial) -> int:
     enter_best(motion)
     if motion.facts.lengths["kinks"]:
         _land(motion, trial)
+    if trial.blow:
+        raise Failed(Status.JUMP)
     return Status.EVENT if trial.stops else Status.OK
 
 

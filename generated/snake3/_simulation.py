@@ -50,8 +50,8 @@ _CAUSES = {
     "finite",
     Status.EVENT: "stopped by an event",
     Status.FULL: "too many events",
-    Status.JUMP: "a constraint jumps here, as where a rope comes off its pulley or an angle goes "
-    "on by a turn: the motion has no way on",
+    Status.JUMP: "a constraint jumps here, as where a rope comes off its pulley, an angle goes on "
+    "by a turn or a prescribed velocity becomes another at once: the motion has no way on",
 }
 
 

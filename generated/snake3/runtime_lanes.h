@@ -1292,7 +1292,7 @@ static inline void lanes_kinked(Lanes *w)
             z[i] = w->z[i * LANES + lane];
             next[i] = w->next[i * LANES + lane];
         }
-        if (first_kink(&m->run, m->s.landed, w->t[lane], w->h[lane], y, own, z, next, &which) < 1.0)
+        if (first_kink(&m->run, m->s.landed, w->t[lane], w->h[lane], y, own, z, next, &which) <= 1.0)
             w->bad[lane] = 1.0;
     }
 }
@@ -1455,6 +1455,7 @@ static inline Vector lanes_first(const Motions *all, const Method *method, Lanes
     Vector h = either((Bits)(size < 1e-5) | (Bits)(speed < 1e-5), tiny, 0.01 * size / speed), bend, next;
     double longest[LANES];
     int i, lane;
+    h = larger(h, 64.0 * DBL_EPSILON * size_of(vector(w->t)));
     h = either((Bits)(h < span), h, span);
     for (i = 0; i < N; i++)
         store(w->z + i * LANES, vector(w->y + i * LANES) + h * vector(w->k[0] + i * LANES));

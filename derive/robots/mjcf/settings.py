@@ -46,7 +46,7 @@ class Settings:
     `total_mass`: what all bodies are scaled to, where it is more than zero. `idle_groups`: of
     actuators without force. `aligned`: free bodies move with their inertia's frame where they say
     nothing. `meshes` by name, whose files are below one of the `homes`, in `mesh_folder`, by their
-    names alone where the file says `without_path`; `solids`: what those that were asked for enclose.
+    names alone where the file says `without_path`; `solids`: what those asked for enclose.
     """
 
     degrees: bool = True

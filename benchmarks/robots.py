@@ -484,7 +484,7 @@ def against_mujoco(file: Path) -> Report:
     peer, rng = Mujoco(file, found), np.random.default_rng(2)
     sample = states(mechanics, STATES, rng) if mechanics.rows else None
     for k in range(STATES):
-        q = rng.normal(size=mechanics.q.numel()) if sample is None else sample.q[k]
+        q = rng.normal(size=mechanics.q.numel()) if sample is None else sample.q[k % len(sample.q)]
         for start in mechanics.quaternions:
             q[start : start + 4] /= np.linalg.norm(q[start : start + 4])
         v, u, z = (rng.normal(size=x.numel()) for x in (mechanics.v, mechanics.u, mechanics.z))

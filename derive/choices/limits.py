@@ -54,3 +54,6 @@ RANK = 1e-9  # singular values of rows of length one below this are zero
 # of large systems fewer states are looked at: about so many velocities, at least so many states
 ENTRIES = 2_000
 FEWEST = 10
+
+# walk
+ROUNDOFF = 1e-13  # of the size of its row: an entry that is nowhere larger is what cancels, rounded

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import CHAINED
+from derive.choices.limits import CHAINED, ROUNDOFF
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
 from derive.mechanics.forms import Form, Key, constant, total
@@ -358,12 +358,12 @@ class Coefficients:
 
     def row(self, i: int, form: Form) -> tuple[dict[int, np.ndarray], set[int]]:
         """The coefficients of the unknowns in a row, over its size, at the samples (samples,), by
-        velocity; and which of them are numbers."""
+        velocity, without what is rounding; and which of them are numbers."""
         keys = [key[1] for key, x in form.items() if key[0] == "v" and not is_zero(x)]
         entries = [form["v", j] for j in keys]
         values = self.values(entries) / self.sizes[i]
         numbers = {j for j, x in zip(keys, entries) if isinstance(_number(x), float)}
-        return dict(zip(keys, values.T)), numbers
+        return {j: x for j, x in zip(keys, values.T) if not np.abs(x).max() <= ROUNDOFF}, numbers
 
     def size(self, x: Scalar) -> float:
         """Largest |x| over the samples."""

@@ -9,16 +9,18 @@ from functools import cached_property
 
 import casadi as ca
 
-from derive.expressions.scalars import Matrix, Vector
+from derive.expressions.scalars import Vector
 from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Link, Place, Row, RowForm, Spinless
 from derive.mechanics.symbols import Symbols
 from derive.mechanics.tree import (
     Positions,
+    Rotations,
     ground_positions,
     ground_rotations,
     nearest_carrier,
     origin_on,
+    rotations_on,
     twists,
 )
 from derive.model.records import (
@@ -43,7 +45,7 @@ class Scene:
     frame: Spinless | None = None
 
     @cached_property
-    def rotations(self) -> list[Matrix]:
+    def rotations(self) -> Rotations:
         """Ground ← link."""
         return ground_rotations(self.links)
 
@@ -83,11 +85,27 @@ class Scene:
         if not beyond:
             resting = {body: replace(self.places[body], link=-1) for body in bodies}
             return replace(self, places=self.places | resting)
+        return self._placed(carrier, beyond, self.rotations)
+
+    def among(self, bodies: Sequence[str]) -> Scene:
+        """The same in the axes of that link, for what has no other axes than those of the bodies:
+        how the link is turned is no part of it, either."""
+        first, second = (self.places[body].link for body in bodies)
+        carrier, beyond = nearest_carrier(self.links, first, second)
+        if carrier < 0 or not beyond:
+            return self
+        rotations = rotations_on(self.links, carrier, beyond)
+        near = self._placed(carrier, beyond, rotations)
+        vars(near)["rotations"] = rotations
+        return near
+
+    def _placed(self, carrier: int, beyond: Sequence[int], rotations: Rotations) -> Scene:
+        """With the origins of what lies beyond the carrier as seen from it."""
         found: dict[int, Vector] = {carrier: NOTHING}
         for i in beyond:
             link = self.links[i]
-            above = (found[link.parent], self.rotations[link.parent])
-            found[i] = origin_on(above, link, self.rotations[i])
+            above = (found[link.parent], rotations[link.parent])
+            found[i] = origin_on(above, link, rotations[i])
         near = self.with_symbols(self.symbols)
         vars(near)["positions"] = found
         return near

@@ -8,7 +8,7 @@ costs one product.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.records import Rotation
@@ -31,6 +31,7 @@ from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import Inertia, Link, Place
 
 Positions = Sequence[Vector] | Mapping[int, Vector]  # of links, by their numbers
+Rotations = Sequence[Matrix] | Mapping[int, Matrix]
 Wrench = tuple[Vector, Vector]  # moment about the link's origin, force
 
 
@@ -71,22 +72,30 @@ def _common(a: Sequence[int], b: Sequence[int]) -> list[int]:
 def ground_rotations(links: Sequence[Link]) -> list[Matrix]:
     """Ground ← link for every link: one turn where all turns about it are parallel, else the
     product with its parent's."""
-    chains: list[Rotation | None] = []  # None where a product has been taken
-    result: list[Matrix] = []
-    for link in links:
-        above = chains[link.parent] if link.parent >= 0 else ()
-        carrier = result[link.parent] if link.parent >= 0 else IDENTITY
+    found = rotations_on(links, -1, range(len(links)))
+    return [found[i] for i in range(len(links))]
+
+
+def rotations_on(links: Sequence[Link], carrier: int, beyond: Iterable[int]) -> dict[int, Matrix]:
+    """Carrier ← link, by the link's number, for the carrier and what lies `beyond` it, carriers
+    first; −1 is the ground."""
+    chains: dict[int, Rotation | None] = {carrier: ()}  # None where a product has been taken
+    result: dict[int, Matrix] = {carrier: IDENTITY}
+    for i in beyond:
+        link = links[i]
+        above, turned = chains[link.parent], result[link.parent]
         chain = None if above is None else merged(above, link.rotation)
-        short = chain is not None and (len(chain) <= 1 or carrier is IDENTITY)
-        result.append(matrix(chain) if short and chain is not None else product(carrier, link.R))
-        chains.append(chain if short else None)
+        short = chain is not None and (len(chain) <= 1 or turned is IDENTITY)
+        result[i] = matrix(chain) if short and chain is not None else product(turned, link.R)
+        chains[i] = chain if short else None
     return result
 
 
-def ground_positions(links: Sequence[Link], rotations: Sequence[Matrix]) -> list[Vector]:
+def ground_positions(links: Sequence[Link], rotations: Rotations) -> list[Vector]:
     """Of the links' origins: r = r_p + R_p a − R b."""
     result: list[Vector] = []
-    for link, R in zip(links, rotations):
+    for i, link in enumerate(links):
+        R = rotations[i]
         carrier: tuple[Vector, Matrix] = (
             (result[link.parent], rotations[link.parent])
             if link.parent >= 0
@@ -106,7 +115,7 @@ def ground_point(
     place: Place,
     point: Vector,
     positions: Positions,
-    rotations: Sequence[Matrix],
+    rotations: Rotations,
 ) -> Vector:
     """A body point in the ground frame, in m: r + R (p + R_b x) for a body that sits at (p, R_b) in
     its link."""
@@ -227,14 +236,15 @@ def kinetic_energy(links: Sequence[Link], numbers: Sequence[Numbers]) -> Scalar:
 
 
 def gravity_energy(
-    links: Sequence[Link], positions: Positions, rotations: Sequence[Matrix], g: Vector
+    links: Sequence[Link], positions: Positions, rotations: Rotations, g: Vector
 ) -> Scalar:
     """V = −Σ g · (m r + R mc), in J, zero where all mass is at the ground's origin; g in ground
     axes, m/s²."""
     result: Scalar = 0.0
-    for i, (link, R) in enumerate(zip(links, rotations)):
+    for i, link in enumerate(links):
         moment = sum_of(
-            [dot([link.inertia.mass], [x]) for x in positions[i]], rotated(R, link.inertia.moment)
+            [dot([link.inertia.mass], [x]) for x in positions[i]],
+            rotated(rotations[i], link.inertia.moment),
         )
         result = minus(result, dot(g, moment))
     return result

@@ -13,7 +13,7 @@ import numpy as np
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 from derive.numerics import NONZERO
-from derive.states.limits import CLOSED, EVEN, LEAP, MANY_ROWS, NEWTON, NUDGES, REPEATS
+from derive.states.limits import CLOSED, EVEN, LEAP, MANY_ROWS, NEWTON, NUDGES, REPEATS, ROUNDED
 from derive.states.sparse import Sparse, squares
 
 
@@ -243,7 +243,8 @@ def closed(
         if not (np.all(np.isfinite(phi)) and _is_finite(J)):
             return None
         scale = 1.0 + float(np.max(np.abs(q), initial=0.0))
-        if np.all(np.abs(phi) <= CLOSED * (_sizes(J, q) if by_row else scale)):
+        allowed = np.maximum(CLOSED * _sizes(J, q), ROUNDED * scale) if by_row else CLOSED * scale
+        if np.all(np.abs(phi) <= allowed):
             return q
         step = -weights * shortest(J * weights, phi)
         q = q + step * min(1.0, LEAP * scale / (NONZERO + float(np.max(np.abs(step), initial=0.0))))

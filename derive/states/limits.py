@@ -8,6 +8,7 @@ BETTER = 2.0  # times the share of the ground's axes: what others have to bring
 # closing
 REPEATS = 1e-10  # singular values below this part of the largest belong to rows that repeat others
 CLOSED = 1e-12  # |φ| against 1 + |q|, or of a row against the sizes of its own terms
+ROUNDED = 1.4e-14  # |φ| against 1 + |q|: what the way round a loop rounds, no row can be better
 EVEN = 1e-3  # of the largest of these a row has at least that part
 NEWTON = 30  # iterations after which a start counts as hopeless
 LEAP = 0.7  # rad: the largest step taken at once
@@ -53,6 +54,8 @@ SPARE = 4  # walkers more than states asked for, and a fifth of these
 # singular values below this part of the largest: nothing in the file fixes that unit
 UNKNOWN = 1e-6
 STEP = 3  # decades
+# of the largest row of a closure: a smaller one is what lever arms of a long way round have rounded
+ROUNDOFF = 1e-12
 FARTHEST = 30  # decades: what is beyond is left to the numbers, so that no product overflows
 PLACES = 5  # configurations at which the rows are looked at
 SMALL = 0.75  # decades: the parts that a file gives are smaller than the whole that moves

@@ -25,7 +25,7 @@ from derive.mechanics.records import System
 from derive.numerics import NONZERO
 from derive.states.closing import normalised, nudges
 from derive.states.initial import own_units
-from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS
+from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS, ROUNDED
 
 EXACT = 1e-14  # |A v − c| against 1 + |v| that needs no correction
 ROUGHLY = 1e-6  # the same, of a step that another one follows
@@ -284,14 +284,16 @@ def closed_many(
         phi, slopes = columns_of(positions)(t[:, alive], q[:, alive], p[:, alive])
         phi = phi[:, 0]
         finite = _finite(phi) & _finite(slopes)
-        near = finite & (np.abs(phi) <= CLOSED * _sizes(slopes, q[:, alive])).all(axis=0)
+        scale = 1.0 + _largest(q[:, alive])
+        allowed = np.maximum(CLOSED * _sizes(slopes, q[:, alive]), ROUNDED * scale)
+        near = finite & (np.abs(phi) <= allowed).all(axis=0)
         done[alive[near]] = True
         going = finite & ~near
         if not going.any():
             break
         if not going.all():
             alive, phi, slopes = alive[going], phi[:, going], slopes[..., going]
-        scale = 1.0 + _largest(q[:, alive])
+            scale = scale[going]
         step = -free[:, None] * least_many(slopes * free[:, None], phi, ROUGHLY)
         q[:, alive] += step * np.minimum(1.0, LEAP * scale / (NONZERO + _largest(step)))
     return q, done

@@ -34,7 +34,7 @@ from derive.expressions.units import (
 )
 from derive.mechanics.records import System
 from derive.model.records import Model
-from derive.states.limits import FARTHEST, LEFT_OVER, PLACES, SMALL, STEP, UNKNOWN
+from derive.states.limits import FARTHEST, PLACES, ROUNDOFF, SMALL, STEP, UNKNOWN
 
 INERTIA = product_of(MASS, power_of(LENGTH, Fraction(2)))
 ACCELERATION = quotient_of(LENGTH, power_of(TIME, Fraction(2)))
@@ -159,13 +159,13 @@ def _of_like_rows(system: System) -> System:
 
 
 def _without_roundoff(system: System, sizes: np.ndarray) -> np.ndarray:
-    """The sizes of rows at some places (places × rows), zero for rows of closures that are nothing
-    but rounding: made as long as others they would be contradictions. The units of closures are
-    known, so that their rows compare; a formula may be in any."""
+    """The sizes of rows at some places (places × rows), those of rows of closures that are nothing
+    but rounding the largest of closures: made as long as others they would be contradictions. The
+    units of closures are known, so that their rows compare; a formula may be in any."""
     names = {closure.name for closure in system.model.closures}
     own = np.array([row.name.partition(".")[0] in names for row in system.rows])
-    least = LEFT_OVER * np.max(sizes, axis=1, initial=0.0, where=own, keepdims=True)
-    return np.where(own & (sizes <= least), 0.0, sizes)
+    largest = np.max(sizes, axis=1, initial=0.0, where=own, keepdims=True)
+    return np.where(own & (sizes <= ROUNDOFF * largest), largest, sizes)
 
 
 def typical(sizes: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:

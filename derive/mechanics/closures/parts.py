@@ -56,7 +56,7 @@ def meeting(scene: Scene, closure: Closure) -> Block:
 
 def _gap(scene: Scene, closure: Closure, side: int, axes: Sequence[int]) -> list[ca.SX]:
     """aᵢ · (p₂ − p₁) along axes of the first or the second joint frame."""
-    frames = closure_frames(scene, closure)
+    frames = closure_frames(scene.among(closure.bodies), closure)
     gap = frames.origins[1] - frames.origins[0]
     return [ca.dot(frames.axes[side][i], gap) for i in axes]
 
@@ -89,7 +89,7 @@ def _closure_rows(
 def right_angles(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]]) -> Block:
     """φ = bⱼ · aᵢ for the given axes i of the first and j of the second joint frame, unit vectors:
     the cosine of the angle, whose slope is one where the angle is right."""
-    frames = closure_frames(scene, closure)
+    frames = closure_frames(scene.among(closure.bodies), closure)
     phi = [ca.dot(frames.axes[1][j], frames.axes[0][i]) for i, j in pairs]
     return block_of_positions(
         scene, [f"{closure.name}.turn{k + 1}" for k in range(len(pairs))], phi, "rad/s"
@@ -104,7 +104,7 @@ def locked(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]]) -> 
 
     which have the same slope where the frames agree, are zero there alone, and are not singular
     anywhere short of half a turn, where they have no value."""
-    frames = closure_frames(scene, closure)
+    frames = closure_frames(scene.among(closure.bodies), closure)
     first, second = frames.axes
     below = 1 + sum((ca.dot(a, b) for a, b in zip(first, second)), ca.SX(0))
     below = ca.if_else(below > HALF_A_TURN, below, 0)  # what rounding leaves is no number, either

@@ -24,10 +24,11 @@ def screw(scene: Scene, closure: Closure) -> list[Block]:
     that row is held as a velocity: axis · (ṗ₂ − ṗ₁) = pitch/2π axis · (ω₂ − ω₁), in m/s. It is
     integrable all the same, but where the slide stands along the thread is left to the initial
     values."""
-    frames = closure_frames(scene, closure)
+    near = scene.among(closure.bodies)
+    frames = closure_frames(near, closure)
     axis = frames.axes[0][2]
     slide = scene.rate(ca.dot(axis, frames.origins[1] - frames.origins[0]))
-    spins = [ca.vertcat(*angular_velocity(scene, scene.places[body])) for body in closure.bodies]
+    spins = [ca.vertcat(*angular_velocity(near, near.places[body])) for body in closure.bodies]
     advance = scene.symbols.scalar(closure.pitch) / (2 * np.pi)
     name = f"{closure.name}.advance"
     row = row_form(scene, name, slide - advance * ca.dot(axis, spins[1] - spins[0]))

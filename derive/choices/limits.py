@@ -56,4 +56,4 @@ ENTRIES = 2_000
 FEWEST = 10
 
 # walk
-ROUNDOFF = 1e-13  # of the size of its row: an entry that is nowhere larger is what cancels, rounded
+NO_PIVOT = 1e-13  # of the size of its row: an entry that is nowhere larger is rounding

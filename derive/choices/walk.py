@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import CHAINED, ROUNDOFF
+from derive.choices.limits import CHAINED, NO_PIVOT
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
 from derive.mechanics.forms import Form, Key, constant, total
@@ -230,7 +230,7 @@ class _Rows:
         self, walk: Walk, waiting: Sequence[int], constraints: int, coefficients_at: Coefficients
     ) -> None:
         self.walk, self.constraints, self.coefficients_at = walk, constraints, coefficients_at
-        self.table = Table(coefficients_at.count, len(walk.rows))
+        self.table = Table(coefficients_at.count, len(walk.rows), NO_PIVOT)
         self.later: dict[int, list[int]] = {}  # by the link that completes them
         self.spoken: Counter[int] = Counter()  # velocities, by rows that are not ready
         carrier = {j: i for i, link in enumerate(walk.system.links) for j in link.columns}
@@ -358,12 +358,12 @@ class Coefficients:
 
     def row(self, i: int, form: Form) -> tuple[dict[int, np.ndarray], set[int]]:
         """The coefficients of the unknowns in a row, over its size, at the samples (samples,), by
-        velocity, without what is rounding; and which of them are numbers."""
+        velocity; and which of them are numbers."""
         keys = [key[1] for key, x in form.items() if key[0] == "v" and not is_zero(x)]
         entries = [form["v", j] for j in keys]
         values = self.values(entries) / self.sizes[i]
         numbers = {j for j, x in zip(keys, entries) if isinstance(_number(x), float)}
-        return {j: x for j, x in zip(keys, values.T) if not np.abs(x).max() <= ROUNDOFF}, numbers
+        return dict(zip(keys, values.T)), numbers
 
     def size(self, x: Scalar) -> float:
         """Largest |x| over the samples."""

@@ -78,10 +78,12 @@ def _rounded(size: float) -> float:
 
 class Table:
     """What is left of matrices, entry by entry: rows are put in and taken out, the best pivot is
-    known at any time."""
+    known at any time. An entry that is nowhere larger than `rounding` is none, also where nothing
+    else is left."""
 
-    def __init__(self, count: int, rows: int) -> None:
+    def __init__(self, count: int, rows: int, rounding: float = 0.0) -> None:
         self.count = count  # of samples
+        self.rounding = rounding
         self.told = _rounded if rows >= MANY else float
         self.rows: dict[int, dict[int, np.ndarray]] = {}
         self.columns: dict[int, set[int]] = {}
@@ -182,7 +184,7 @@ class Table:
         return _placed(or_larger(single, lambda: self._part(rows, columns)), rows, columns)
 
     def _best_entry(self) -> tuple[int, int] | None:
-        least = VANISHES * self.scale()
+        least = max(VANISHES * self.scale(), self.rounding)
         aside: list[Score] = []
         result = None
         while self.heap and result is None:

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.model.document import content
 from derive.robots.markup import LARGEST, Element
 from derive.robots.mjcf.settings import Settings, completed, orientation
@@ -51,7 +51,9 @@ def solid_of(reading: Reading, geom: Element, found: Settings) -> Solid | None:
     """What the mesh of a geom encloses, in the axes of its file; None after reporting."""
     name = geom.get("mesh")
     if name not in found.meshes:
-        reading.unknown(geom, "mesh", "mesh", list(found.meshes))
+        known = list(found.meshes)
+        near = did_you_mean(name, known) if known else ""
+        reading.report(geom, f"unknown mesh '{name}'", listed(known), near or HINT, "mesh")
         return None
     if name not in found.solids:
         found.solids[name] = _solid(reading, found.meshes[name], found)

@@ -959,7 +959,7 @@ BAD = {
     ),
     "a mesh": (
         ONE_BODY.format('<geom type="mesh" mesh="m"/>', ""),
-        ["the mass of a mesh geom", "give the body an <inertial>"],
+        ["unknown mesh 'm'", "give the body an <inertial>"],
     ),
     "a tendon that pulls": (
         ONE_BODY.format('<geom size="1"/>', '<tendon><spatial name="t" stiffness="3"/></tendon>'),

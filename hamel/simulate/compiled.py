@@ -66,6 +66,9 @@ CALLED = ("dynamics", "constraints", "energy", "power", "velocity", "state", "ou
 Progress = Callable[[float], None]
 
 
+SINGULAR_START = "another start: this one is a singular configuration"
+
+
 @dataclass(frozen=True)
 class Rows:
     """The times of the output: start, start + step … and `time` itself, in seconds; about 500 rows
@@ -314,7 +317,10 @@ def _trial(
     stepping = motion.Stepping(method.integrator, enforced, method.step_size, *accuracy)
     seen = by if own_integrator(method) else based(by)
     if by.charts or by.frame:
-        x, chart, p = charts.start(module, initial, u, p, problem.t)
+        try:
+            x, chart, p = charts.start(module, initial, u, p, problem.t)
+        except FloatingPointError as error:
+            raise AssumptionError(str(error), SINGULAR_START) from None
     else:
         x, chart = state_of(problem.plain, initial, p, problem.t), 0
     start = motion.Start(times, x, u, p, chart, problem.changes, problem.events)
@@ -370,7 +376,7 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
     if not repeats:
         return error
     if np.array_equal(problem.p, system.own_parameters):
-        start, hint = "at the start", "another start: this one is a singular configuration"
+        start, hint = "at the start", SINGULAR_START
     else:
         start = "at the start, with these parameters"
         hint = "another start, or these values in the file: what repeats is found and dropped there"

@@ -303,8 +303,10 @@ def test_a_singular_start_is_told(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["check", str(path)])
     assert "singular: 2 speeds are free there, 1 elsewhere" in capsys.readouterr().out
-    with pytest.raises(AssumptionError, match=r"flat: at the start, row 1 of closure C"):
-        hamel.simulate(path, time=1.0)
+    path.with_name("frame.yaml").write_text(FLAT + "quasi_velocities: {best: orthonormal}\n")
+    for file in (path, path.with_name("frame.yaml")):  # whose frame is based on the start
+        with pytest.raises(AssumptionError, match=r"flat: at the start, row 1 of closure C"):
+            hamel.simulate(file, time=1.0)
 
 
 def test_numbers_json_does_not_have_become_null():

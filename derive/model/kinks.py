@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from itertools import combinations
 from typing import Any
 
 from derive.expressions import tree
@@ -37,10 +38,10 @@ def switches(model: Model) -> tuple[tree.Expression, ...]:
     """What changes its sign where a formula goes on to another piece."""
     knots = {table.name: tuple(map(tree.Number, table.x)) for table in model.tables}
     return tuple(
-        tree.Sum((call.arguments[0], tree.Negative(place)))
+        tree.Sum((one, tree.Negative(other)))
         for call, _, _ in _calls(model)
         if call.function in knots or _counts(call, SWITCHING)
-        for place in knots.get(call.function) or _places(call)
+        for one, other in _compared(call, knots.get(call.function, ()))
     )
 
 
@@ -54,10 +55,21 @@ def are_constraints_in_pieces(model: Model) -> bool:
     )
 
 
-def _places(call: tree.Call) -> tuple[tree.Expression, ...]:
+def _compared(
+    call: tree.Call, knots: Sequence[tree.Expression]
+) -> Iterable[tuple[tree.Expression, tree.Expression]]:
+    """What is compared with what: of min and max each with each, else the first argument with
+    places."""
+    if call.function in ("min", "max"):
+        return combinations(call.arguments, 2)
+    places = knots or _places(call)
+    return ((call.arguments[0], place) for place in places)
+
+
+def _places(call: tree.Call) -> Sequence[tree.Expression]:
     if call.function == "piecewise":
         return call.arguments[2::2]
-    return call.arguments[1:3] if call.function in ("clip", "min", "max") else (tree.ZERO,)
+    return call.arguments[1:3] if call.function == "clip" else (tree.ZERO,)
 
 
 def _counts(call: tree.Call, most: dict[str, int]) -> bool:

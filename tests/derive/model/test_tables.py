@@ -304,3 +304,8 @@ def test_a_reaction_is_no_side_that_a_state_tells():
     model = load_text(text)
     assert len(switches(model)) == 2
     assert len(sides(model)) == 1
+
+
+def test_the_largest_of_three_turns_between_any_two():
+    text = BEAD.format(smooth="C2", force="max(1 N, (1 N/s)*t, (1 N/m)*x + 2 N)")
+    assert len(switches(load_text(text))) == 3

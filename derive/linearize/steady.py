@@ -356,7 +356,8 @@ def _singular(found: Problem) -> AssumptionError:
     return AssumptionError(
         f"the equations of '{found.equations.choice}' are singular near the steady motion "
         f"'{found.motion.name}'",
-        "another choice of quasi-velocities, or other guesses",
+        "another choice of quasi-velocities, such as --choice orthonormal, which is regular where "
+        "the constraints are independent, or other guesses",
     )
 
 

@@ -228,7 +228,7 @@ def _integrated(
     more = functools.cache(lambda: others(problem, chosen) if own_integrator(method) else [])
     try:
         return _motion(problem, chosen, method, times, progress, automatic, more)
-    except motion.InputError:
+    except motion.Final:
         raise
     except AssumptionError as error:
         if not more():
@@ -310,7 +310,7 @@ def _trial(
     automatic: bool,
 ) -> _Trial:
     """From the consistent start. Raises Stiff where an integrator that was picked is the wrong one,
-    InputError where a function of the user fails."""
+    Final where a function of the user fails."""
     u, p, initial = problem.u, problem.p, problem.initial
     accuracy = tolerances(method, real_of(method.real))
     enforced = problem.enforcement.name
@@ -330,7 +330,7 @@ def _trial(
     simulation, failure = None, None
     try:
         simulation = _course_of(module, seen, start, stepping, progress, looking)
-    except motion.InputError:
+    except motion.Final:
         raise
     except AssumptionError as error:
         failure = error

@@ -24,8 +24,14 @@ if TYPE_CHECKING:
     from derive.formulations.records import Equations
 
 
-class InputError(AssumptionError):
-    """A function of the inputs failed: no other way of integrating helps."""
+SINGULAR = (
+    "the position may be singular, and constraints depend on each other there: an event with "
+    "`stop: true` may end the motion before"
+)
+
+
+class Final(AssumptionError):
+    """The motion ends there: no other choice and no other way of integrating helps."""
 
 
 @dataclass(frozen=True)
@@ -94,13 +100,14 @@ def integrated(
     """The motion from its start, in float64: by the module's own `simulate`, or by a library where
     one is named as the integrator.
 
-    Raises Unfinished after `most` steps, InputError where a function of the inputs or events fails,
+    Raises Unfinished after `most` steps, Final where a function of the inputs or events fails,
     AssumptionError where the motion comes to a singular position or the integrator cannot go on.
     """
     library = library_of(by.integrator)
     span = float(start.times[-1] - start.times[0])
     told = paced(progress, span, _haste(by))
-    watch = Covered(told, span, f"{module.name}.simulate", float(start.times[0]))
+    hint = SINGULAR if equations.system.rows else f"{NO_VALUE}, or forces change too fast to follow"
+    watch = Covered(told, span, f"{module.name}.simulate", float(start.times[0]), hint)
     try:
         if library is not None:
             at = (start.times, start.x, start.u, start.p)
@@ -148,9 +155,14 @@ class Covered:
     branch cannot be told: steps become shorter from look to look, and none too short."""
 
     def __init__(
-        self, watch: Callable[[float], None] | None, span: float, name: str, first: float
+        self,
+        watch: Callable[[float], None] | None,
+        span: float,
+        name: str,
+        first: float,
+        hint: str,
     ) -> None:
-        self.watch, self.span, self.name, self.first = watch, span, name, first
+        self.watch, self.span, self.name, self.first, self.hint = watch, span, name, first, hint
         self.reached: deque[float] = deque(maxlen=2 * LOOKED_BACK + 1)
         self.covered = 0.0
 
@@ -161,8 +173,7 @@ class Covered:
             raise AssumptionError(
                 f"{self.name} comes no further than t = {self.first + covered:g}: its steps become "
                 "shorter and shorter there",
-                "the position may be singular, and constraints depend on each other there: an "
-                "event with `stop: true` may end the motion before",
+                self.hint,
             )
         if self.watch is not None:
             self.watch(covered)
@@ -178,9 +189,9 @@ def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> A
     """Why there is no motion, and what may help."""
     status = status_of(error)
     if status in (Status.NO_INPUT, Status.NO_EVENT):
-        return InputError(str(error))
+        return Final(str(error))
     if status is Status.JUMP:
-        return AssumptionError(str(error), "an event with `stop: true` may end the motion before")
+        return Final(str(error), "an event with `stop: true` may end the motion before")
     pulled = _over_pulleys(equations.system.model)
     if status is Status.NOT_FINITE and pulled:
         hint = (

@@ -73,3 +73,21 @@ def test_nothing_to_tune_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(compiler, "find_compiler", lambda: None)
     with pytest.raises(ToolchainError, match="nothing to tune"):
         tune.timings({"toy": program(toy(), ["dynamics"])})
+
+
+@needs_compiler
+def test_models_with_events_are_tuned_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whose code without their functions did not compile."""
+    monkeypatch.setattr(tune, "FLAGS", ((), ("-O1",)))
+    file = tmp_path / "swing.yaml"
+    file.write_text(
+        "model: swing\nplane: xy\nbodies: {a: {mass: 1, com: [1, 0]}}\n"
+        "joints: {j: {type: revolute, parent: ground, child: a, coordinate: q}}\n"
+        "events: {bottom: q}\n"
+    )
+    assert hamel.build(file, tune=True, out=tmp_path / "swing").tuned
+
+
+def test_what_is_hardly_faster_is_no_reason_for_another() -> None:
+    assert tune._best({"usual": 31.4, "other": 31.0}) == "usual"
+    assert tune._best({"usual": 31.4, "other": 25.0, "third": 28.0}) == "other"

@@ -287,7 +287,7 @@ def test_the_rounding_of_a_structure_at_rest_is_no_energy_that_came_from_nowhere
 )
 def test_a_motion_that_comes_to_a_standstill_ends(paces: list[float], stands: bool) -> None:
     """Of a delta robot whose platform came free the steps became shorter for ever."""
-    watch = Covered(None, 1.0, "m.simulate", 2.0)
+    watch = Covered(None, 1.0, "m.simulate", 2.0, "")
     ends = (
         pytest.raises(AssumptionError, match=r"no further than t = 2\.3")
         if stands
@@ -296,3 +296,21 @@ def test_a_motion_that_comes_to_a_standstill_ends(paces: list[float], stands: bo
     with ends:
         for covered in np.cumsum(paces).tolist():
             watch(covered)
+
+
+CORNER = """model: corner
+plane: xy
+bodies: {a: {mass: 1 kg, inertia: 0.1}}
+joints: {j: {type: revolute, parent: ground, child: a, coordinate: q}}
+constraints: {m: {type: prescribed, joint: j, motion: "(1 rad/s)*abs(t - 1 s)"}}
+"""
+
+
+def test_a_blow_ends_a_motion_without_freedom(tmp_path):
+    """Other choices, which were tried then, know no way on, either, and did not compile."""
+    file = tmp_path / "corner.yaml"
+    file.write_text(CORNER)
+    with pytest.raises(AssumptionError, match="a prescribed velocity becomes another at once"):
+        hamel.simulate(file, time=2.0)
+    with pytest.warns(RuntimeWarning, match="scipy_dop853 does not see where constraints"):
+        hamel.simulate(file, time=2.0, integrator="scipy_dop853")

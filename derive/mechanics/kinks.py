@@ -20,8 +20,10 @@ OF_TWO = frozenset({ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE})
 def kinks(system: System) -> tuple[ca.SX, ...]:
     """Functions of t, q, v, u, p and z, each zero at one kink or jump of forces, of rates of states
     or of prescribed motions. Of one term with several thresholds a single function: it changes its
-    sign at each of them."""
-    moving = ca.vertcat(system.t, system.q, system.v, system.z, system.u)
+    sign at each of them. Of the time alone there are two, so that neighbours, which may be near
+    each other, do not hide one another within one step."""
+    others = (system.q, system.v, system.z, system.u)
+    moving = ca.vertcat(system.t, *others)
     thresholds: dict[int, tuple[ca.SX, set[float]]] = {}
     result: list[ca.SX] = []
     for value, other in _sides(_terms(system)):
@@ -32,7 +34,10 @@ def kinks(system: System) -> tuple[ca.SX, ...]:
         elif (reduced := _threshold(value, float(other))) is not None:
             term, place = reduced
             thresholds.setdefault(term.element_hash(), (term, set()))[1].add(place)
-    result += [_alternating(term, sorted(places)) for term, places in thresholds.values()]
+    for term, places in thresholds.values():
+        ordered, timed = sorted(places), not ca.depends_on(term, ca.vertcat(*others))
+        parts = [ordered[::2], ordered[1::2]] if timed else [ordered]
+        result += [_alternating(term, part) for part in parts if part]
     return tuple(_without_twins(result))
 
 

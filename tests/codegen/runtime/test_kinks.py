@@ -180,7 +180,7 @@ def of(force: str, more: str = "") -> System:
         ("(1 N/m)*ramp(x) - (1 N/m)*ramp(-x)", 1),
         ("clip(F, -1 N, 1 N)", 1),
         ("(1 N/m)*clip(x, -b, b)", 2),
-        ("piecewise(t, 0 N, 1 s, 1 N, 2 s, 0 N)", 1),
+        ("piecewise(t, 0 N, 1 s, 1 N, 2 s, 0 N)", 2),  # which may be near each other
         ("(1 N)*step(x, b)", 0),  # smooth
         ("(1 N)*f(x)", 1),
     ],
@@ -194,10 +194,11 @@ def test_kinks_of_forces(force: str, count: int) -> None:
 def test_one_function_changes_its_sign_at_every_threshold() -> None:
     import casadi as ca
 
-    found = of("piecewise(t, 0 N, 1 s, 1 N, 2 s, 0 N, 4 s, 1 N)")
-    g = ca.Function("g", [found.t], list(kinks(found)))
+    found = of("(1 N)*piecewise(x, 0, 1 m, 1, 2 m, 0, 4 m, 1)")
+    (alone,) = kinks(found)
+    g = ca.Function("g", [found.q], [alone])
     signs = [
-        float(np.sign(float(g(t)))) for t in (0.0, 0.999, 1.001, 1.999, 2.001, 3.999, 4.001, 9)
+        float(np.sign(float(g(x)))) for x in (0.0, 0.999, 1.001, 1.999, 2.001, 3.999, 4.001, 9)
     ]
     assert signs in ([-1, -1, 1, 1, -1, -1, 1, 1], [1, 1, -1, -1, 1, 1, -1, -1])
     assert float(g(1.0)) == float(g(2.0)) == float(g(4.0)) == 0.0
@@ -307,3 +308,15 @@ def test_what_begins_at_a_row_is_no_blow(text: str, tmp_path: Path) -> None:
             other = simulate.run(simulate.advance, "numpy", *given, **how)
             for result in (own, other):
                 assert np.abs(result.x[-1] - end).max() < 1e-6
+
+
+# corners a thousandth of a second apart: two blows, of which neither was seen
+NEAR = DRIVEN.format("0 rad", "(2 rad/s)*(max(t - 1 s, 0 s) - max(t - 1.001 s, 0 s))")
+
+
+@WITH_COMPILER
+def test_of_two_corners_near_each_other_the_first_is_seen(tmp_path: Path) -> None:
+    module = driven(NEAR, tmp_path)
+    for how in ({}, {"rtol": 1e-4}, {"integrator": "rk4", "step_size": 0.2}):
+        with pytest.raises(module.Stopped, match="a prescribed velocity"):
+            module.simulate([0.0, 2.0], [0.0, 0.3, 0.5], **how)

@@ -314,3 +314,22 @@ def test_a_blow_ends_a_motion_without_freedom(tmp_path):
         hamel.simulate(file, time=2.0)
     with pytest.warns(RuntimeWarning, match="scipy_dop853 does not see where constraints"):
         hamel.simulate(file, time=2.0, integrator="scipy_dop853")
+
+
+BOUNCE = """model: bounce
+plane: xz
+gravity: [0, -9.81]
+bodies: {ball: {mass: 1 kg}}
+joints: {j: {type: prismatic, parent: ground, child: ball, axis: z, coordinate: z}}
+loads: {floor: {type: expression, joint: j, expression: "(1e5 N/m)*exp(-z/(1 mm))*(1 mm)"}}
+initial: {z: 0.5 m}
+"""
+
+
+def test_a_step_of_a_library_that_is_too_long_is_made_again(tmp_path):
+    """It leads to forces that no number holds, which ended the motion."""
+    file = tmp_path / "bounce.yaml"
+    file.write_text(BOUNCE)
+    own = hamel.simulate(file, time=1.0)
+    other = hamel.simulate(file, time=1.0, integrator="scipy_dop853", rtol=1e-9)
+    assert abs(own.final["z"] - other.final["z"]) < 1e-5

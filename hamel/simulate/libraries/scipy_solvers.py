@@ -12,7 +12,6 @@ from codegen.runtime.simulation import Simulation
 from hamel.optional import library
 from hamel.simulate.libraries.records import Problem, Reference, refusal, simulation
 
-
 EXPLICIT = ("DOP853",)  # whose error is no number, either, where a slope is none
 
 

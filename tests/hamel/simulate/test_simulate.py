@@ -333,3 +333,14 @@ def test_a_step_of_a_library_that_is_too_long_is_made_again(tmp_path):
     own = hamel.simulate(file, time=1.0)
     other = hamel.simulate(file, time=1.0, integrator="scipy_dop853", rtol=1e-9)
     assert abs(own.final["z"] - other.final["z"]) < 1e-5
+
+
+def test_stages_that_do_not_converge_are_no_constraints(tmp_path):
+    """Of a model that has none it was said that its state could not be put back on them."""
+    file = tmp_path / "dry.yaml"
+    file.write_text(
+        "model: dry\ncoordinates: {x: m}\nkinetic: 1 kg*der(x)^2/2\npotential: 5 N/m*x^2\n"
+        'forces: {x: "(-2 N)*sign(der(x))"}\ninitial: {x: 0.95 m}\n'
+    )
+    with pytest.raises(AssumptionError, match="the stages of an implicit step do not converge"):
+        hamel.simulate(file, time=3.0, integrator="radau")

@@ -157,16 +157,26 @@ def _gone_on(motion: Motion, trial: Landing, h: Any, later: Any) -> Place:
 
 def _is_blow(motion: Motion, trial: Landing) -> bool:
     """Whether what constraints allow jumps at the kink, and rates of the coordinates with it: that
-    is a blow, and the quasi-velocities behind it are others. What only begins there is the faster
-    the farther behind it is; a jump is as large nearby."""
+    is a blow, and the quasi-velocities behind it are others. Or positions themselves, to which no
+    motion leads."""
+    positions = motion.facts.positions if motion.facts.lengths["constraints"] else 0
+    return (positions > 0 and _jumps(motion, trial, _positions_apart)) or _jumps(
+        motion, trial, _rates_apart
+    )
+
+
+def _jumps(
+    motion: Motion, trial: Landing, measure: Callable[[Motion, Landing, Any], tuple[Any, Any]]
+) -> bool:
+    """What only begins there is the larger the farther behind it is; a jump is as large nearby."""
     eps = np.finfo(motion.facts.real).eps
     near = 4 * eps * max(abs(trial.end + trial.left), trial.left)
     try:
-        apart, fast = _rates_apart(motion, trial, near)
-        begins = 0.5 * _rates_apart(motion, trial, 8 * near)[0]
+        apart, size = measure(motion, trial, near)
+        begins = 0.5 * measure(motion, trial, 8 * near)[0]
     except Failed:
         return False
-    return bool(apart > np.sqrt(eps) * fast and apart > begins)
+    return bool(apart > np.sqrt(eps) * size and apart > begins)
 
 
 def _rates_apart(motion: Motion, trial: Landing, near: Any) -> tuple[Any, Any]:
@@ -177,6 +187,18 @@ def _rates_apart(motion: Motion, trial: Landing, near: Any) -> tuple[Any, Any]:
         for h in (trial.left - near, trial.left + near)
     )
     return np.abs(after - before).max(), max(np.abs(before).max(), np.abs(after).max())
+
+
+def _positions_apart(motion: Motion, trial: Landing, near: Any) -> tuple[Any, Any]:
+    """The same of what positions are off the constraints, and the largest coordinate, or what it
+    moves by in the step. Raises Failed."""
+    before, after = (
+        motion.values("constraints", trial.end + h, trial.carried(h))[: motion.facts.positions]
+        for h in (trial.left - near, trial.left + near)
+    )
+    nq, last = motion.facts.nq, trial.step.stages[-1]
+    large = np.abs(trial.z[:nq]) + np.abs(last[:nq]) * trial.step.h
+    return np.abs(after - before).max(), large.max()
 
 
 def _along(motion: Motion, step: Step, z: np.ndarray, k: int) -> Values:

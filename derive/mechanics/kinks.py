@@ -44,7 +44,7 @@ def kinks(system: System) -> tuple[ca.SX, ...]:
 def _terms(system: System) -> list[ca.SX]:
     terms = [system.Q, system.zdot, system.h_extra]
     if are_constraints_in_pieces(system.model):
-        terms += [system.A, system.c, system.beta]
+        terms += [system.phi, system.A, system.c, system.beta]
     return [term[i] for full in terms for term in [ca.SX(full).nz[:]] for i in range(term.numel())]
 
 

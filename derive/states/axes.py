@@ -79,7 +79,8 @@ def _may_repeat(ideal: System) -> bool:
     if isinstance(rows, Sparse) and clearly_independent(rows):
         return False
     A = rows.full()[0] if isinstance(rows, Sparse) else rows
-    return bool(np.linalg.matrix_rank(A, tol=GAP * np.linalg.norm(A)) < len(A))
+    # GAP is of eigenvalues of A Aᵀ, which are squares
+    return bool(np.linalg.matrix_rank(A, tol=np.sqrt(GAP) * np.linalg.norm(A)) < len(A))
 
 
 def _share(ideal: System) -> float:

@@ -228,14 +228,47 @@ static double rates_apart(Run *r, const Trial *to, double h, double near, double
     return apart;
 }
 
-/* Whether what constraints allow jumps at the kink that a step ended before, and rates of the coordinates with it: that is a blow, and the
-   quasi-velocities behind it are others. What only begins there is the faster the farther behind it is; a jump is as large nearby. */
-static int is_blow(Run *r, const Trial *to)
+#if HAS_POSITIONS
+/* The same of what positions are off the constraints; `large` becomes the largest coordinate, or what it moves by in the step. */
+static double positions_apart(Run *r, const Trial *to, double h, double near, double *large)
+{
+    double z[N], before[CONSTRAINT_ROWS], after[CONSTRAINT_ROWS], apart = 0.0;
+    int i;
+    behind(r, to, h - near, z);
+    if (MODEL_constraints(r)(to->end + (h - near), z, r->u, r->p, before) != OK)
+        return -1.0;
+    behind(r, to, h + near, z);
+    if (MODEL_constraints(r)(to->end + (h + near), z, r->u, r->p, after) != OK)
+        return -1.0;
+    for (i = 0; i < NQ; i++)
+        *large = fmax(*large, fabs(z[i]) + fabs(to->next[i]) * to->h);
+    for (i = 0; i < POSITION_ROWS; i++)
+        apart = fmax(apart, fabs(after[i] - before[i]));
+    return apart;
+}
+#endif
+
+typedef double Apart(Run *r, const Trial *to, double h, double near, double *size);
+
+/* Whether something jumps at the kink that a step ended before. What only begins there is the larger the farther behind it is; a jump is as
+   large nearby. */
+static int jumps(Run *r, const Trial *to, Apart *measure)
 {
     const double near = 4.0 * DBL_EPSILON * fmax(fabs(to->end + to->left), to->left);
-    double fast = 0.0;
-    const double apart = rates_apart(r, to, to->left, near, &fast);
-    return apart > sqrt(DBL_EPSILON) * fast && apart > 0.5 * rates_apart(r, to, to->left, 8.0 * near, &fast);
+    double size = 0.0;
+    const double apart = measure(r, to, to->left, near, &size);
+    return apart > sqrt(DBL_EPSILON) * size && apart > 0.5 * measure(r, to, to->left, 8.0 * near, &size);
+}
+
+/* Whether what constraints allow jumps there, and rates of the coordinates with it: that is a blow, and the quasi-velocities behind it are
+   others. Or positions themselves, to which no motion leads. */
+static int is_blow(Run *r, const Trial *to)
+{
+#if HAS_POSITIONS
+    if (jumps(r, to, positions_apart))
+        return 1;
+#endif
+    return jumps(r, to, rates_apart);
 }
 
 /* By h on from where a step ended, with the slope at that state `later`. Returns a status, and leaves the step where it has no value. */

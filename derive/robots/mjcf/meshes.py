@@ -170,13 +170,16 @@ def _stl(data: bytes) -> Array:
 
 
 def _obj(data: bytes) -> Array:
-    """Polygons as fans of triangles. ValueError or IndexError where a line makes no sense."""
+    """Polygons as fans of triangles, of the first object or group alone, as MuJoCo has it.
+    ValueError or IndexError where a line makes no sense."""
     corners: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
     for line in data.splitlines():
         kind, *words = line.split() or [b""]
         if kind == b"v":
             corners.append([float(word) for word in words[:3]])
+        elif kind in (b"o", b"g") and faces:
+            break
         elif kind == b"f":
             at = [_index(word, len(corners)) for word in words]
             faces += [(at[0], *pair) for pair in pairwise(at[1:])]

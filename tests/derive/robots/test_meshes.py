@@ -75,7 +75,8 @@ def obj() -> bytes:
     corners = "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS)
     flat = "".join(f"f {a + 1}/1 {b + 1}/2 {c + 1}/3\n" for a, b, c in FACES[:8])
     sides = "".join("f " + " ".join(f"{i - 12}//1" for i in side) + "\n" for side in SIDES)
-    return f"# an L\n{corners}vn 0 0 1\n{flat}{sides}".encode()
+    other = "o other\nv 9 9 9\nf 1 2 13\n"  # MuJoCo takes the first alone
+    return f"# an L\no first\n{corners}vn 0 0 1\n{flat}{sides}{other}".encode()
 
 
 def msh() -> bytes:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import casadi as ca
+import numpy as np
 import pytest
 
 from derive.choices.resolution import ranked_partitions
@@ -131,3 +133,32 @@ def test_rows_that_repeat_others_to_rounding_are_turned_with_the_bodies() -> Non
     axes no row can be left out for good, and the motion ended where the loop's plane had turned."""
     found = system(load_text(TUMBLING))
     assert [closure.along for closure in found.model.closures] != [-1]
+
+
+APART = """model: apart
+gravity: [0, 0, 0]
+bodies: {{a: {{mass: 1, inertia: [1, 1, 1]}}, b: {{mass: 1, inertia: [1, 1, 1]}}}}
+joints:
+  A: {{type: free, parent: ground, child: a, orientation: quaternion}}
+  B: {{type: free, parent: ground, child: b, orientation: quaternion}}
+closures: {{C: {{type: {}, between: [a, b], at: [[0, 0, 0], [0, 0, 0]]}}}}
+"""
+
+
+@pytest.mark.parametrize("kind", ["fixed", "revolute", "prismatic", "cylindrical"])
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_turns_and_shifts_are_about_the_axes_that_the_reference_names(kind: str, axis: str) -> None:
+    found = system(load_text(APART.format(kind if kind == "fixed" else f"{kind}, axis: {axis}")))
+    A = ca.Function("A", [found.t, found.q, found.p], [found.A])
+    rates = A(0, [0, 0, 0, 1, 0, 0, 0] * 2, []).full()[:, 6:]  # of the second body: v, ω
+    e3 = np.eye(3)["xyz".index("z" if kind == "fixed" else axis)]
+    e1 = np.cross(e3, np.eye(3)[int(np.argmin(np.abs(e3)))])
+    e2 = np.cross(e3, e1)
+    along = {"shift1": e1, "shift2": e2}
+    about = {"turn1": e2, "turn2": -e1, "turn3": e3}
+    for row, rate in zip(found.rows, rates):
+        part = row.name.partition(".")[2]
+        if part in along:
+            assert np.abs(rate[:3] - along[part]).max() < 1e-12
+        elif part in about:
+            assert np.abs(rate[3:] - about[part]).max() < 1e-12

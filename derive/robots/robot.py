@@ -111,6 +111,7 @@ class Robot:
     bodies: list[Body] = field(default_factory=list[Body])
     joints: list[Joint] = field(default_factory=list[Joint])
     closures: list[Closure] = field(default_factory=list[Closure])
+    paths: list[Entry] = field(default_factory=list[Entry])
     constraints: list[Entry] = field(default_factory=list[Entry])
     loads: list[Entry] = field(default_factory=list[Entry])
     inputs: list[Entry] = field(default_factory=list[Entry])

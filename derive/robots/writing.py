@@ -69,6 +69,7 @@ def _sections(robot: Robot) -> list[Line]:
         "closures",
         [(closure.name, _closure(closure), [], closure.place) for closure in robot.closures],
     )
+    lines += _entries("paths", robot.paths)
     lines += _entries("constraints", robot.constraints)
     lines += _entries("frames", robot.frames)
     lines += (

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 
 from derive.diagnostics import did_you_mean, listed
 from derive.robots.markup import Budget, Element
-from derive.robots.mjcf.actuators import actuators, rotors, tendons
+from derive.robots.mjcf.actuators import actuators, rotors
 from derive.robots.mjcf.bodies import Scene, walk
 from derive.robots.mjcf.reference import springs_by_time
 from derive.robots.mjcf.replicas import replicate
 from derive.robots.mjcf.settings import included, settings
 from derive.robots.mjcf.sites import sites
+from derive.robots.mjcf.tendons import tendons
 from derive.robots.mjcf.ties import equalities
 from derive.robots.robot import Reading, Robot, counted
 

@@ -1,112 +1,32 @@
-"""<actuator> and fixed <tendon>s: forces along joint coordinates, as inputs where they are plain
-motors, else by formula; activations as first-order states.
+"""<actuator>: forces along joints and tendons, as inputs where they are plain motors, else by
+formula; activations as first-order states.
 
-A transmission has a length ℓ = gear · Σ cᵢ qᵢ (one joint, or the joints of a fixed tendon); a force
-f along it acts on joint i as gear · cᵢ · f. Motors at a site push and turn the site's body.
+A transmission has a length ℓ, gear times that of what it drives; a force f along it acts on joints
+as f ∂ℓ/∂q. Motors at a site push and turn the site's body.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from derive.diagnostics import listed
 from derive.robots.markup import Element
 from derive.robots.mjcf.bodies import Scene
+from derive.robots.mjcf.forces import Transmission, by_formula, coefficient, joint_of, load, times
 from derive.robots.mjcf.laws import Law, is_mixed, law_of
-from derive.robots.mjcf.reference import felt_inertia
+from derive.robots.mjcf.reference import felt_by_line, felt_inertia
 from derive.robots.mjcf.settings import completed
+from derive.robots.mjcf.tendons import Line, Tendons, pull, tension_of
 from derive.robots.numbers import listing, scalar, written
-from derive.robots.robot import ONE_RATE, Entry, Joint, Reading, counted, quoted
+from derive.robots.robot import ONE_RATE, Entry, Joint, Reading, counted
 from derive.robots.rotations import rotated
 
-Transmission = list[tuple[Joint, float]]
 CLAMPS = ("ctrlrange", "forcerange", "actrange")
 
 
-def tendons(reading: Reading, root: Element, scene: Scene) -> dict[str, Transmission]:
-    """Fixed tendons by name, their springs and dampers written down; spatial ones are refused where
-    they act."""
-    result: dict[str, Transmission] = {}
-    ends: list[str] = []
-    for section in root.all("tendon"):
-        for element in section.children:
-            tendon = completed(reading, element, scene.settings)
-            acts = [
-                name
-                for name in ("stiffness", "damping", "armature", "frictionloss")
-                if any(listing(reading, tendon, name) or ())
-            ]
-            if "range" in tendon.attributes and tendon.get("limited") != "false":
-                ends.append(tendon.get("name") or tendon.tag)
-            if tendon.tag == "fixed":
-                result[tendon.get("name")] = _coefficients(reading, tendon, scene)
-                _tendon_forces(reading, tendon, acts, result[tendon.get("name")], scene)
-            elif acts:
-                reading.report(
-                    tendon,
-                    f"a <{tendon.tag}> tendon with {acts[0]}",
-                    "fixed tendons",
-                    attribute=acts[0],
-                )
-            elif "range" not in tendon.attributes:
-                scene.robot.changed.append(
-                    f"the tendon {quoted(tendon.get('name'))} does nothing and is left out"
-                )
-    if ends:
-        said = f"the ranges of {listed(map(quoted, ends))}, which end a motion where they are taut"
-        scene.robot.left_out.append(f"of tendons, {said}")
-    return result
-
-
-def _coefficients(reading: Reading, tendon: Element, scene: Scene) -> Transmission:
-    coefficients: Transmission = []
-    for term in tendon.all("joint"):
-        joint = _joint(reading, term, "joint", scene)
-        if joint is not None:
-            coefficients.append((joint, scalar(reading, term, "coef", 1.0)))
-    return coefficients
-
-
-def _joint(reading: Reading, element: Element, attribute: str, scene: Scene) -> Joint | None:
-    joint = scene.joints.get(element.get(attribute))
-    if joint is None:
-        reading.unknown(element, attribute, "joint", list(scene.joints))
-    return joint
-
-
-def _tendon_forces(
-    reading: Reading, tendon: Element, acts: list[str], along: Transmission, scene: Scene
-) -> None:
-    for name in acts:
-        if name in ("armature", "frictionloss"):
-            reading.report(
-                tendon, f"a tendon with {name}", "tendons with stiffness or damping", attribute=name
-            )
-    stiffness, damping = (
-        (listing(reading, tendon, name) or [0.0])[0] for name in ("stiffness", "damping")
-    )
-    off = scene.settings.off
-    stiffness, damping = stiffness * ("spring" not in off), damping * ("damper" not in off)
-    rest = listing(reading, tendon, "springlength") or [-1.0]
-    if stiffness and rest[0] != rest[-1]:
-        reading.report(
-            tendon,
-            "a spring that is slack over a range",
-            "one springlength",
-            attribute="springlength",
-        )
-    start = sum(c * scene.rests.get(joint.name, 0.0) for joint, c in along)
-    law = Law((0.0,), (stiffness * (start if rest[0] == -1.0 else rest[0]), -stiffness, -damping))
-    if any(law.bias):
-        _by_formula(reading, tendon, tendon.get("name") or "tendon", law, along, "", scene)
-
-
-def actuators(
-    reading: Reading, root: Element, known: dict[str, Transmission], scene: Scene
-) -> None:
+def actuators(reading: Reading, root: Element, known: Tendons, scene: Scene) -> None:
     """Reads every <actuator> into inputs or forces of the robot. Ranges are left out and said so: a
     clamped force is not smooth."""
     clamped = early = late = off = mixed = 0
@@ -141,30 +61,16 @@ def actuators(
 
 
 def _transmitted(
-    reading: Reading, actuator: Element, law: Law, known: dict[str, Transmission], scene: Scene
+    reading: Reading, actuator: Element, law: Law, known: Tendons, scene: Scene
 ) -> None:
     gear = listing(reading, actuator, "gear") or [1.0]
     if "site" in actuator.attributes:
         _at_site(reading, actuator, law, gear, scene)
     elif "tendon" in actuator.attributes:
-        if actuator.get("tendon") not in known:
-            hint = "only fixed tendons can be driven"
-            reading.report(
-                actuator,
-                f"the tendon '{actuator.get('tendon')}'",
-                ", ".join(known) or "none",
-                hint,
-                "tendon",
-            )
-        else:
-            if "damper" not in scene.settings.off:
-                b0, b1, b2 = (*law.bias, 0.0, 0.0, 0.0)[:3]
-                law = replace(law, bias=(b0, b1, b2 - _damping(reading, actuator)))
-            along = [(j, gear[0] * c) for j, c in known[actuator.get("tendon")]]
-            _along(reading, actuator, law, along, scene)
+        _at_tendon(reading, actuator, law, gear[0], known, scene)
     elif "joint" in actuator.attributes or "jointinparent" in actuator.attributes:
         attribute = "joint" if "joint" in actuator.attributes else "jointinparent"
-        if (joint := _joint(reading, actuator, attribute, scene)) is not None:
+        if (joint := joint_of(reading, actuator, attribute, scene)) is not None:
             _at_joint(reading, actuator, law, gear, joint, scene)
     else:
         reading.report(
@@ -172,6 +78,33 @@ def _transmitted(
             f"a <{actuator.tag}> that drives no joint, tendon or site",
             "joint, tendon or site",
         )
+
+
+def _at_tendon(
+    reading: Reading, actuator: Element, law: Law, gear: float, known: Tendons, scene: Scene
+) -> None:
+    if "damper" not in scene.settings.off:
+        b0, b1, b2 = (*law.bias, 0.0, 0.0, 0.0)[:3]
+        law = replace(law, bias=(b0, b1, b2 - _damping(reading, actuator)))
+    name = actuator.get("tendon")
+    if name in known.fixed:
+        _along(reading, actuator, law, [(j, gear * c) for j, c in known.fixed[name]], scene)
+    elif name in known.lines:
+        _along_line(reading, actuator, law, gear, known.lines[name], scene)
+    elif name not in known.refused:
+        reading.unknown(actuator, "tendon", "tendon", [*known.fixed, *known.lines])
+
+
+def _along_line(
+    reading: Reading, actuator: Element, law: Law, gear: float, line: Line, scene: Scene
+) -> None:
+    """f along ℓ pulls with −gear f: a positive one makes the line longer."""
+    law = _damped(law, lambda: felt_by_line(reading, actuator, line, gear, scene))
+    name = _driver(reading, actuator, law, actuator.get("tendon"), scene)
+    driven = tension_of(law.gain, line, gear, " N" if law.activation else "", scene)
+    own = tension_of(law.bias, line, gear, " N", scene)
+    if terms := [times(term, name) for term in driven] + own:
+        pull(reading, actuator, line, name, " + ".join(terms), scene)
 
 
 def rotors(reading: Reading, root: Element, scene: Scene) -> None:
@@ -215,12 +148,14 @@ def _at_joint(
         name = _driver(reading, actuator, law, joint.name, scene)
         for rate, factor in zip(joint.rates(), gear):
             if factor * law.gain[0]:
-                _load(
+                load(
                     reading,
                     actuator,
                     name,
                     f"velocity: {rate}",
-                    _times(_factor(factor * law.gain[0], " N*m" if law.activation else ""), name),
+                    times(
+                        coefficient(factor * law.gain[0], " N*m" if law.activation else ""), name
+                    ),
                     scene,
                 )
     else:
@@ -242,7 +177,7 @@ def _along(
             "hinges and slides",
         )
         return
-    law = _damped(reading, actuator, law, along, scene)
+    law = _damped(law, lambda: felt_inertia(reading, actuator, along, scene))
     first = along[0][0].name
     factor = along[0][1] * law.gain[0]
     if law.plain and not law.activation and len(along) == 1 and factor:
@@ -254,19 +189,16 @@ def _along(
         )
     else:
         name = _driver(reading, actuator, law, first, scene)
-        _by_formula(reading, actuator, name, law, along, name, scene)
+        by_formula(reading, actuator, name, law, along, name, scene)
 
 
-def _damped(
-    reading: Reading, actuator: Element, law: Law, along: Transmission, scene: Scene
-) -> Law:
+def _damped(law: Law, felt: Callable[[], float]) -> Law:
     """With the damping of a ratio ζ in numbers, as MuJoCo 4 has it: 2 ζ √(kp m), with the inertia m
     that the force accelerates at the reference configuration."""
     if not law.ratio:
         return law
     kp = -law.bias[1]
-    felt = felt_inertia(reading, actuator, along, scene)
-    damping = 2.0 * law.ratio * math.sqrt(max(kp * felt, 0.0))
+    damping = 2.0 * law.ratio * math.sqrt(max(kp * felt(), 0.0))
     b0, b1, b2 = law.bias
     return replace(law, bias=(b0, b1, b2 - damping), ratio=0.0)
 
@@ -283,56 +215,6 @@ def _driver(reading: Reading, actuator: Element, law: Law, target: str, scene: S
     own = reading.symbols(f"{name}_activation", "state")
     scene.robot.states.append(Entry(own, f"{{rate: {law.activation.rate(name, own)}}}", actuator))
     return own
-
-
-def _by_formula(
-    reading: Reading,
-    element: Element,
-    name: str,
-    law: Law,
-    along: Transmission,
-    u: str,
-    scene: Scene,
-) -> None:
-    """cᵢ · law for every joint, multiplied out so that every coefficient can have its unit."""
-    for joint, c in along:
-        if not (any(law.gain) and u) and not any(law.bias):
-            continue  # such as a servo of gain zero
-        force = " N*m" if joint.type == "revolute" else " N"
-        gain = _affine(law.gain, c, along, force if law.activation else None)
-        terms = [_times(term, u) for term in gain] if u else []
-        terms += _affine(law.bias, c, along, force)
-        _load(reading, element, name, f"joint: {joint.name}", " + ".join(terms), scene)
-
-
-def _times(term: str, u: str) -> str:
-    return u if term == "1" else f"{term}*{u}"
-
-
-def _affine(k: Sequence[float], c: float, along: Transmission, unit: str | None) -> list[str]:
-    """c (k₀ + k₁ ℓ + k₂ dℓ/dt) in terms of the joints; `unit` is that of the sum, None where its
-    coefficients are to have none."""
-    k0, k1, k2 = [*k, 0.0, 0.0, 0.0][:3]
-    terms = [_factor(c * k0, unit or "")] if k0 else []
-    for joint, other in along:
-        per = "rad" if joint.type == "revolute" else "m"
-        stiff, viscous = ("", "") if unit is None else (f"{unit}/{per}", f"{unit}*s/{per}")
-        terms += [f"{_factor(c * k1 * other, stiff)}*{joint.name}"] if k1 else []
-        terms += [f"{_factor(c * k2 * other, viscous)}*der({joint.name})"] if k2 else []
-    return terms
-
-
-def _factor(number: float, unit: str) -> str:
-    return f"({written(number)}{unit})" if unit or number < 0.0 else written(number)
-
-
-def _load(
-    reading: Reading, element: Element, name: str, where: str, force: str, scene: Scene
-) -> None:
-    own = reading.symbols(f"{name}_force", "load")
-    scene.robot.loads.append(
-        Entry(own, f"{{type: expression, {where}, expression: {force}}}", element)
-    )
 
 
 def _at_site(
@@ -354,7 +236,7 @@ def _at_site(
         if any(part):
             own = unit if law.activation else ""
             components = ", ".join(
-                _times(_factor(x, own), name) if x else "0" for x in rotated(frame.turn, part)
+                times(coefficient(x, own), name) if x else "0" for x in rotated(frame.turn, part)
             )
             text = f"{{type: {kind}, body: {body}, {place}components: [{components}], frame: body}}"
             scene.robot.loads.append(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from derive.robots.markup import Element
 from derive.robots.mjcf.bodies import Inverse, Scene
+from derive.robots.mjcf.tendons import Line
 from derive.robots.numbers import listing, scalar
 from derive.robots.robot import GROUND, Joint, Reading
 
@@ -29,9 +30,32 @@ def felt_inertia(
     inverse = _inverse(reading, place, scene)
     if not inverse.starts:
         return 0.0
-    places = [inverse.starts[joint.name] for joint, _ in along]
-    c = np.array([factor for _, factor in along])
-    mobility = float(c @ inverse.matrix[np.ix_(places, places)] @ c)
+    c = np.zeros(len(inverse.matrix))
+    for joint, factor in along:
+        c[inverse.starts[joint.name]] += factor
+    return _carried(c, inverse)
+
+
+def felt_by_line(reading: Reading, place: Element, line: Line, gear: float, scene: Scene) -> float:
+    """The same of a force along gear times the length of a spatial tendon: c = gear ∂ℓ/∂q."""
+    inverse = _inverse(reading, place, scene)
+    if not inverse.starts:
+        return 0.0
+    above = {joint.child: joint for joint in scene.robot.joints}
+    twists = _twists(scene)
+    c = np.zeros(len(inverse.matrix))
+    for body, point, push in line.pushes(scene):
+        joint = above.get(body)
+        while joint is not None:
+            S, start = twists[joint.name], inverse.starts[joint.name]
+            speeds = np.cross(S[:, :3], point) + S[:, 3:]
+            c[start : start + len(S)] += gear * (speeds @ np.array(push))
+            joint = above.get(joint.parent)
+    return _carried(c, inverse)
+
+
+def _carried(c: Array, inverse: Inverse) -> float:
+    mobility = float(c @ inverse.matrix @ c)
     return 1.0 / mobility if mobility > 0.0 else 0.0
 
 

@@ -4,18 +4,17 @@ reference configuration."""
 from __future__ import annotations
 
 from derive.robots.markup import Element
-from derive.robots.mjcf.actuators import Transmission
 from derive.robots.mjcf.bodies import Scene
+from derive.robots.mjcf.forces import Transmission, joint_of
 from derive.robots.mjcf.inertia import Frame
 from derive.robots.mjcf.settings import completed
+from derive.robots.mjcf.tendons import Line, Tendons
 from derive.robots.numbers import listing, scalar, vector, written
 from derive.robots.robot import GROUND, ONE_RATE, Closure, Entry, Joint, Reading, quoted
 from derive.robots.rotations import Vector, from_quaternion, minus, product, rotated, transposed
 
 
-def equalities(
-    reading: Reading, root: Element, tendons: dict[str, Transmission], scene: Scene
-) -> None:
+def equalities(reading: Reading, root: Element, tendons: Tendons, scene: Scene) -> None:
     """Reads every <equality> into closures and constraints. An inactive one is left out and said
     so; a kind that is not known is reported."""
     for section in root.all("equality"):
@@ -181,10 +180,8 @@ def _joint(reading: Reading, tie: Element, scene: Scene) -> None:
 
 
 def _of(reading: Reading, tie: Element, attribute: str, scene: Scene) -> Joint | None:
-    joint = scene.joints.get(tie.get(attribute))
-    if joint is None:
-        reading.unknown(tie, attribute, "joint", list(scene.joints))
-    elif joint.type not in ONE_RATE:
+    joint = joint_of(reading, tie, attribute, scene)
+    if joint is not None and joint.type not in ONE_RATE:
         reading.report(
             tie,
             f"an equality of the {joint.type} joint '{joint.name}'",
@@ -195,39 +192,44 @@ def _of(reading: Reading, tie: Element, attribute: str, scene: Scene) -> Joint |
     return joint
 
 
-def _tendon(reading: Reading, tie: Element, tendons: dict[str, Transmission], scene: Scene) -> None:
-    """The same between the lengths of fixed tendons, from their lengths at the reference
-    configuration."""
+def _tendon(reading: Reading, tie: Element, tendons: Tendons, scene: Scene) -> None:
+    """The same between lengths of tendons, from their lengths at the reference configuration."""
     given = [attribute for attribute in ("tendon1", "tendon2") if attribute in tie.attributes]
     if not given:
         reading.report(tie, "an equality of no tendon", '<tendon tendon1="…" tendon2="…">')
-    for attribute in given:
-        along = tendons.get(tie.get(attribute))
-        if not along:
-            reading.report(
-                tie,
-                f"the tendon '{tie.get(attribute)}'",
-                ", ".join(tendons) or "none",
-                "fixed tendons",
-                attribute,
-            )
-            return
-        if any(joint.type not in ONE_RATE for joint, _ in along):
-            reading.report(
-                tie,
-                "an equality along joints that are not hinges or slides",
-                "hinges and slides",
-                attribute=attribute,
-            )
-            return
-    lengths = [_length(tendons[tie.get(attribute)], scene) for attribute in given]
+    lengths = [_tendon_length(reading, tie, attribute, tendons, scene) for attribute in given]
     powers = (listing(reading, tie, "polycoef") or [])[:5]
     powers += [0.0, 1.0, 0.0, 0.0, 0.0][len(powers) :]
-    text = _polynomial(powers, lengths[1]) if lengths[1:] else written(powers[0])
-    if lengths:
+    if lengths and all(lengths):
+        text = _polynomial(powers, lengths[1]) if lengths[1:] else written(powers[0])
         scene.robot.constraints.append(
             Entry(_name(reading, tie), f"{{holonomic: {lengths[0]} - ({text})}}", tie)
         )
+
+
+def _tendon_length(
+    reading: Reading, tie: Element, attribute: str, tendons: Tendons, scene: Scene
+) -> str:
+    """ℓ − ℓ at the reference configuration; nothing after reporting."""
+    name = tie.get(attribute)
+    if name in tendons.lines:
+        return _line_length(tendons.lines[name], scene)
+    along = tendons.fixed.get(name)
+    if name in tendons.refused:
+        return ""
+    if not along:
+        reading.unknown(tie, attribute, "tendon", [*tendons.fixed, *tendons.lines])
+    elif any(joint.type not in ONE_RATE for joint, _ in along):
+        problem = "an equality along joints that are not hinges or slides"
+        reading.report(tie, problem, "hinges and slides", attribute=attribute)
+    else:
+        return _length(along, scene)
+    return ""
+
+
+def _line_length(line: Line, scene: Scene) -> str:
+    start = written(line.reference(scene))
+    return f"({line.length(scene)} - ({start} m))/(1 m)"
 
 
 def _length(along: Transmission, scene: Scene) -> str:

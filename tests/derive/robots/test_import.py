@@ -963,7 +963,7 @@ BAD = {
     ),
     "a tendon that pulls": (
         ONE_BODY.format('<geom size="1"/>', '<tendon><spatial name="t" stiffness="3"/></tendon>'),
-        ["a <spatial> tendon with stiffness"],
+        ["the tendon 't' has no two sites"],
     ),
     "a muscle": (
         ONE_BODY.format('<geom size="1"/>', '<actuator><muscle joint="j"/></actuator>'),

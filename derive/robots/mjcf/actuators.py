@@ -135,7 +135,7 @@ def _damping(reading: Reading, actuator: Element) -> float:
 def _input(reading: Reading, actuator: Element, target: str, notes: list[str]) -> str:
     """Named after the actuator, or after what it drives where that is taken."""
     wanted = actuator.get("name") or f"tau_{target}"
-    free = reading.symbols.is_free(wanted, "input")
+    free = not actuator.get("name") or reading.symbols.is_free(wanted, "input")
     return reading.input_name(wanted if free else f"tau_{wanted}", actuator.get("name"), notes)
 
 

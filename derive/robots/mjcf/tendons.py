@@ -107,6 +107,8 @@ def tendons(reading: Reading, root: Element, scene: Scene) -> Tendons:
             acts = [one for one in FORCES if any(listing(reading, tendon, one) or ())]
             if "range" in tendon.attributes and tendon.get("limited") != "false":
                 ends.append(name or tendon.tag)
+            if "actuatorfrcrange" in tendon.attributes:
+                scene.clamped.append(name or tendon.tag)
             if tendon.tag == "fixed":
                 result.fixed[name] = _coefficients(reading, tendon, scene)
                 _check_forces(reading, tendon, acts)
@@ -221,18 +223,21 @@ def _line(reading: Reading, tendon: Element, scene: Scene) -> Line | None:
     return Line(tendon, tuple(branches))
 
 
-def _spring(reading: Reading, tendon: Element, scene: Scene) -> tuple[float, float]:
-    """Stiffness and damping of a tendon, zero where they are switched off."""
-    off = scene.settings.off
-    stiffness, damping = (
-        (listing(reading, tendon, name) or [0.0])[0] for name in ("stiffness", "damping")
-    )
-    return stiffness * ("spring" not in off), damping * ("damper" not in off)
+def _powers(reading: Reading, tendon: Element, name: str, flag: str, scene: Scene) -> list[float]:
+    """Stiffness or damping of a tendon: factors of a length or speed, its square and its cube. They
+    are zero where the flag is off."""
+    given = [*(listing(reading, tendon, name) or []), 0.0, 0.0, 0.0][:3]
+    return [0.0, 0.0, 0.0] if flag in scene.settings.off else given
 
 
 def _springs_along(reading: Reading, tendon: Element, along: Transmission, scene: Scene) -> None:
     """Of a fixed tendon, on its joints."""
-    stiffness, damping = _spring(reading, tendon, scene)
+    stiffness, *bent = _powers(reading, tendon, "stiffness", "spring", scene)
+    damping, *curved = _powers(reading, tendon, "damping", "damper", scene)
+    for name, further in (("stiffness", bent), ("damping", curved)):
+        if any(further):
+            problem = f"{name} with the square or the cube of a length along joints"
+            reading.report(tendon, problem, "one number", attribute=name)
     rest = listing(reading, tendon, "springlength") or [-1.0]
     if stiffness and rest[0] != rest[-1]:
         problem = "a spring that is slack over a range"
@@ -244,39 +249,44 @@ def _springs_along(reading: Reading, tendon: Element, along: Transmission, scene
 
 
 def _springs(reading: Reading, line: Line, scene: Scene) -> None:
-    """Of a spatial tendon, in its branches."""
-    stiffness, damping = _spring(reading, line.place, scene)
-    rest = listing(reading, line.place, "springlength") or [-1.0]
+    """Of a spatial tendon, in its branches: k₁ x + k₂ x² + k₃ x³ + d₁ ẋ + d₂ |ẋ| ẋ + d₃ ẋ³ pulls
+    where the spring is longer by x than at rest."""
+    tendon = line.place
+    k = _powers(reading, tendon, "stiffness", "spring", scene)
+    d = _powers(reading, tendon, "damping", "damper", scene)
     terms: list[str] = []
-    if stiffness:
-        shortest, longest = _rests(reading, line, rest, scene)
+    if any(k):
+        shortest, longest = _rests(reading, line, scene)
         length = line.length(scene)
-        k = f"({written(stiffness)} N/m)"
         if shortest == longest:
-            terms.append(f"{k}*({length} - {written(longest)} m)")
+            terms += _polynomial(k, f"({length} - {written(longest)} m)")
         else:
-            terms.append(f"{k}*max(0 m, {length} - {written(longest)} m)")
-            if shortest > 0.0:
-                terms.append(f"-{k}*max(0 m, {written(shortest)} m - ({length}))")
-    if damping:
-        terms.append(f"({written(damping)} N*s/m)*{_bracketed(line.speed(scene))}")
+            terms += _polynomial(k, f"max(0 m, {length} - {written(longest)} m)")
+            shorter = f"max(0 m, {written(shortest)} m - {_bracketed(length)})"
+            terms += _polynomial([-k[0], k[1], -k[2]], shorter) if shortest > 0.0 else []
+    if any(d):
+        speed = _bracketed(line.speed(scene))
+        terms += [f"({written(d[0])} N*s/m)*{speed}"] if d[0] else []
+        terms += [f"({written(d[1])} N*s^2/m^2)*abs({speed})*{speed}"] if d[1] else []
+        terms += [f"({written(d[2])} N*s^3/m^3)*{speed}^3"] if d[2] else []
     if terms:
-        name = line.place.get("name") or "tendon"
-        pull(
-            reading,
-            line.place,
-            line,
-            f"{name}_spring",
-            " + ".join(terms).replace("+ -", "- "),
-            scene,
-        )
+        name = f"{tendon.get('name') or 'tendon'}_spring"
+        pull(reading, tendon, line, name, " + ".join(terms), scene)
 
 
-def _rests(
-    reading: Reading, line: Line, given: Sequence[float], scene: Scene
-) -> tuple[float, float]:
+def _polynomial(k: Sequence[float], x: str) -> list[str]:
+    """k₁ x + k₂ x² + k₃ x³ of a length x."""
+    return [
+        f"({written(factor)} N/m{'' if n == 1 else f'^{n}'})*{x}{'' if n == 1 else f'^{n}'}"
+        for n, factor in enumerate(k, 1)
+        if factor
+    ]
+
+
+def _rests(reading: Reading, line: Line, scene: Scene) -> tuple[float, float]:
     """The lengths between which the spring is slack. One that says nothing is at rest where the
     springs of joints are, which is read where that is the reference configuration."""
+    given = listing(reading, line.place, "springlength") or [-1.0]
     if given[0] != -1.0:
         return given[0], given[-1]
     moved = [name for name, rest in scene.rests.items() if rest != scene.references.get(name, 0.0)]

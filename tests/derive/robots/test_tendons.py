@@ -95,6 +95,30 @@ def test_damping_by_a_ratio_is_of_what_the_line_moves(tmp_path):
     np.testing.assert_allclose(accelerations(mechanics), wanted, rtol=1e-8)
 
 
+POLYNOMIAL = """<mujoco><option gravity="0 0 0"/><worldbody><site name="w"/><body pos="1 0 0">
+  <joint type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+  <site name="s"/></body></worldbody>
+  <tendon><spatial name="t" {}><site site="w"/><site site="s"/></spatial></tendon></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("given", "q", "v", "wanted"),
+    [
+        ('stiffness="1 2 4" springlength="1"', 0.2, 0.0, -0.312),
+        ('stiffness="1 2 4" springlength="1"', -0.2, 0.0, 0.152),
+        ('stiffness="1 2 4" springlength="0.9 1.1"', 0.2, 0.0, -0.124),
+        ('stiffness="1 2 4" springlength="0.9 1.1"', -0.2, 0.0, 0.084),
+        ('stiffness="1 2 4" springlength="0.9 1.1"', 0.05, 0.0, 0.0),
+        ('damping="1 2 4"', 0.0, 0.2, -0.312),
+        ('damping="1 2 4"', 0.0, -0.2, 0.312),
+    ],
+)
+def test_stiffness_and_damping_are_polynomials_as_in_mujoco(tmp_path, given, q, v, wanted):
+    mechanics = derived(tmp_path, POLYNOMIAL.format(given))
+    found = np.ravel(mechanics("dynamics", 0.0, [q, v], [], []))
+    assert found[1] == pytest.approx(wanted, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("equality", "gap", "row"),
     [
@@ -116,6 +140,18 @@ def test_lengths_are_tied_as_in_mujoco(tmp_path, equality, gap, row):
     phi, A = (np.array(x).ravel() for x in at(Q))
     np.testing.assert_allclose(phi, gap, atol=2e-8)
     np.testing.assert_allclose(A, row, atol=2e-8)
+
+
+def test_ranges_of_tendon_forces_and_actuators_without_names(tmp_path):
+    file = tmp_path / "strings.xml"
+    motor = '<motor tendon="cable"/>'
+    given = text(actuators=3 * motor).replace(
+        'name="cable"', 'name="cable" actuatorfrcrange="-1 1"'
+    )
+    file.write_text(given)
+    found = imported(file)
+    assert [u.name for u in found.model.inputs] == ["tau_cable", "tau_cable_2", "tau_cable_3"]
+    assert "the ranges of the forces of actuators at cable" in " ".join(found.left_out)
 
 
 def test_only_what_acts_is_written(tmp_path):
@@ -147,6 +183,11 @@ def test_only_what_acts_is_written(tmp_path):
             "the tendon 'slack' has no two sites",
         ),
         ('<site site="low"/><site site="c"/>', '<site site="law"/>', "did you mean 'low'?"),
+        (
+            '<spatial name="cable">',
+            '<fixed name="f" stiffness="1 2"><joint joint="rail"/></fixed><spatial name="cable">',
+            "stiffness with the square or the cube of a length along joints",
+        ),
         ('name="rope"', 'name="rope" armature="1"', "a tendon with armature"),
         ('tendon="cable"', 'tendon="cables"', "unknown tendon 'cables'"),
         (

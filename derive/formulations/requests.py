@@ -7,7 +7,7 @@ from collections.abc import Collection
 from derive.diagnostics import AssumptionError, HamelError, did_you_mean, listed, nearest
 from derive.formulations.named_frames import about_frame
 from derive.formulations.records import Equations, Family, Request
-from derive.model.named_frames import frames_of, readings
+from derive.model.named_frames import frames_of, is_shared, readings, shared_name
 
 
 def request_of(equations: Equations, name: str) -> Request | None:
@@ -97,6 +97,9 @@ def unknown_function(equations: Equations, name: str) -> HamelError:
         )
     if reason := _reason(equations, name):
         return HamelError(f"{model.name} has no function '{name}'", reason)
+    asked = [name[len(prefix) + 1 :] for prefix in prefixes]
+    if shared := [frame for frame in asked if is_shared(model, frame)]:
+        return HamelError(*shared_name(model, shared[0]))
     misspelt = _misspelt_frames(name, prefixes, frames)
     best = nearest(name, (*misspelt, *_of_frames(equations, name, frames)))
     if best in misspelt:

@@ -14,7 +14,7 @@ from derive.expressions.tree import ZERO, Expression, Number
 from derive.model.algebra import Rows, over, rows, to_centre, turned_tensor
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import BodyEntry, InertiaEntry
-from derive.model.limits import INERTIA_SLACK
+from derive.model.limits import INERTIA_SLACK, TRIANGLE_SLACK
 from derive.model.load_records import Exhaust
 from derive.model.placements import rotation
 from derive.model.reader import Reader
@@ -245,7 +245,7 @@ def _impossible(
     low, middle, high = _principal(moments)
     if low < -slack:
         return f"a principal moment of inertia of '{name}' is {low:g} kg*m^2", "zero or more"
-    if low + middle < high - slack:
+    if low + middle < high * (1.0 - TRIANGLE_SLACK) - slack:
         problem = f"no body has the inertia of '{name}': {low:g} + {middle:g} < {high:g} kg*m^2"
         return problem, "the largest principal moment at most the sum of the other two"
     return None

@@ -6,6 +6,7 @@ RIGHT_ANGLE = 1e-6  # cosine of the angle between axes that count as being at ri
 
 # bodies
 INERTIA_SLACK = 1e-9  # relative: a thin disk has Ixx + Izz = Iyy exactly, up to rounding
+TRIANGLE_SLACK = 1e-5  # relative: of a thin disk whose moments are written with five digits
 
 # quaternions
 UNIT_LENGTH = 1e-12  # how far from one the length may be before it is set right

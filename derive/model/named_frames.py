@@ -98,15 +98,25 @@ def frame_named(model: Model, name: str) -> NamedFrame:
     """The frame of that name. Raises AssumptionError with the nearest known one."""
     known = frames_of(model)
     if name not in known:
-        shared = any(body.name == name for body in model.bodies)
-        why = (
-            f"'{name}' is a body and a joint of {model.name}, whose frames differ"
-            if shared
-            else f"{model.name} has no frame '{name}'"
+        if is_shared(model, name):
+            raise AssumptionError(*shared_name(model, name))
+        hint = did_you_mean(name, known)
+        raise AssumptionError(
+            f"{model.name} has no frame '{name}'", hint or f"it has {listed(known)}"
         )
-        hint = "name one of them under `frames:`" if shared else did_you_mean(name, known)
-        raise AssumptionError(why, hint or f"it has {listed(known)}")
     return known[name]
+
+
+def is_shared(model: Model, name: str) -> bool:
+    """Whether a body and a joint with frames of their own have that name, which then is no
+    frame's."""
+    return name not in frames_of(model) and any(body.name == name for body in model.bodies)
+
+
+def shared_name(model: Model, name: str) -> tuple[str, str]:
+    """What to say of such a name, and what to do."""
+    problem = f"'{name}' is a body and a joint of {model.name}, whose frames differ"
+    return problem, "name one of them under `frames:`"
 
 
 def carrier(model: Model, name: str) -> NamedFrame:

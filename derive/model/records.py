@@ -9,7 +9,7 @@ in a body: `position` in body coordinates, `rotation` body ← joint frame.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -402,6 +402,7 @@ class Model:
     states: tuple[FirstOrderState, ...] = ()  # in the order of z
     speeds: tuple[Speed, ...] = ()  # declared quasi-velocities by the names that stand for one
     sources: tuple[tuple[str, str], ...] = ()  # name and text of the files it refers to
+    origins: tuple[Diagnostic, ...] = ()  # of each line of the text, where it was made of a robot
     redundant: str = "drop"  # what becomes of constraint rows that repeat others: "drop" or "keep"
     fixed: tuple[
         tuple[str, float], ...
@@ -466,6 +467,9 @@ class Model:
         lines = text.splitlines()
         if span is None or not 0 < span.line <= len(lines):
             return Diagnostic(file=self.file, message=message, expected=expected)
+        if self.origins and not span.file:
+            origin = self.origins[span.line - 1]
+            return replace(origin, message=message, expected=expected, where=span.where)
         return Diagnostic(
             file=file,
             line=span.line,

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from derive.robots.limits import NOISE, SLACK
+from derive.robots.limits import NOISE, SLACK, TRIANGLE
 from derive.robots.robot import GROUND, Body, Joint, Robot, counted
 from derive.robots.rotations import IDENTITY, Matrix, product, transposed, turned_tensor
 
@@ -31,7 +31,7 @@ def possible(mass: float, tensor: Sequence[float]) -> bool:
     return (
         mass > 0.0
         and low >= -SLACK * high
-        and low + middle >= high * (1.0 - SLACK)
+        and low + middle >= high * (1.0 - TRIANGLE)
         and min(tensor[:3]) >= 0.0
     )
 

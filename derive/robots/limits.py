@@ -3,6 +3,7 @@ else is said."""
 
 # inertias
 SLACK = 0.5e-9  # relative, half of what the language allows
+TRIANGLE = 0.5e-5  # the same of the triangle inequality
 NOISE = 1e-15  # kg m²: what exporters write instead of zero; a gram at a micrometre
 
 # friction

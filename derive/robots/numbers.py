@@ -49,6 +49,16 @@ def _number(word: str) -> float:
     return 0.0 if too_small(value) else value
 
 
+def is_endless(element: Element, attribute: str) -> bool:
+    """Whether an attribute says infinity, as exporters write it where there is no limit: inf, or
+    the largest double."""
+    try:
+        value = float(element.get(attribute, "0"))
+    except ValueError:
+        return False
+    return too_large(value) and not math.isnan(value)
+
+
 def scalar(reading: Reading, element: Element, attribute: str, otherwise: float = 0.0) -> float:
     """One number of an attribute, `otherwise` where it is not given; anything else is reported."""
     values = listing(reading, element, attribute, 1)

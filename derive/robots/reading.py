@@ -106,8 +106,10 @@ def _imported(file: RobotFile) -> Imported:
     }
     result = _model(text, robot, file)
     left_out = tuple(f"left out: {sentence}" for sentence in robot.left_out)
+    notes = (*robot.assumed, *result.notes, *left_out)
+    origins = tuple((origin or robot.root).diagnostic("") for origin in text.origins)
     return Imported(
-        replace(result, notes=(*robot.assumed, *result.notes, *left_out)),
+        replace(result, notes=notes, origins=origins),
         text.text,
         robot.kind,
         tuple(robot.changed),

@@ -10,6 +10,7 @@ the prefix `drake:`.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 
 from derive.diagnostics import listed
 from derive.robots.markup import Element
@@ -29,6 +30,9 @@ def read_transmissions(
             unread.setdefault(why, []).append(quoted(element.get("name")))
         for joint, actuator in driven:
             ratio = _ratio(reading, actuator)
+            if ratio is None:
+                unread.setdefault("its ratio is no number", []).append(quoted(element.get("name")))
+                continue
             if ratio != 1.0:
                 ratios += 1
                 joint.notes.append(f"{written(ratio)} turns of its motor to one of the joint")
@@ -68,21 +72,35 @@ def _driven(
     return [], "not one joint and one actuator" if moves else f"a {known[0].type} joint"
 
 
-def _ratio(reading: Reading, actuator: Element) -> float:
-    """Turns of the motor to one of the joint."""
-    named = ("mechanicalReduction", "gear_ratio")
-    values = [_value(reading, actuator, name, 1.0) for name in named]
-    for name, ratio in zip(named, values):
-        if ratio == 0.0:
-            reading.report(actuator, f"the {name} of an actuator is zero", "a number that is not")
-    return next((ratio for ratio in values if ratio != 1.0), 1.0)
+def _ratio(reading: Reading, actuator: Element) -> float | None:
+    """Turns of the motor to one of the joint: Drake's gear ratio where there is one, as Drake has
+    it. None where a ratio is no number and no rotor needs it."""
+    name = "gear_ratio" if _told(actuator, "gear_ratio") is not None else "mechanicalReduction"
+    element = _told(actuator, name)
+    if element is not None and _told(actuator, "rotor_inertia") is None and not _is_number(element):
+        return None
+    ratio = _value(reading, actuator, name, 1.0)
+    if ratio == 0.0:
+        reading.report(actuator, f"the {name} of an actuator is zero", "a number that is not")
+    return ratio
 
 
 def _value(reading: Reading, actuator: Element, name: str, otherwise: float) -> float:
-    """A number that stands as the text of an element or in its attribute `value`."""
-    for tag in (name, f"drake:{name}"):
-        element = actuator.first(tag)
-        if element is not None:
-            element.attributes.setdefault("value", element.text.strip())
-            return scalar(reading, element, "value", otherwise)
-    return otherwise
+    element = _told(actuator, name)
+    return otherwise if element is None else scalar(reading, element, "value", otherwise)
+
+
+def _told(actuator: Element, name: str) -> Element | None:
+    """The element of that name, with or without Drake's prefix; its text stands as the attribute
+    `value`, if it has none."""
+    element = actuator.first(name) or actuator.first(f"drake:{name}")
+    if element is not None:
+        element.attributes.setdefault("value", element.text.strip())
+    return element
+
+
+def _is_number(element: Element) -> bool:
+    try:
+        return isfinite(float(element.get("value")))
+    except ValueError:
+        return False

@@ -7,12 +7,12 @@ In URDF a joint's frame is its child's frame, so origins carry over as they are.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 from derive.diagnostics import listed
 from derive.robots.couplings import check_coupled_masses
 from derive.robots.markup import Element
-from derive.robots.numbers import listing, scalar, vector, written
+from derive.robots.naming import is_ambiguous, legal
+from derive.robots.numbers import is_endless, listing, scalar, vector, written
 from derive.robots.robot import (
     GROUND,
     ONE_RATE,
@@ -26,6 +26,7 @@ from derive.robots.robot import (
 )
 from derive.robots.rotations import (
     IDENTITY,
+    ORIGIN,
     Matrix,
     Vector,
     about,
@@ -38,6 +39,8 @@ from derive.robots.rotations import (
     unrounded,
 )
 from derive.robots.transmissions import read_transmissions
+from derive.robots.tree import Tree, collect, root_of
+from derive.robots.writing import frame_text
 
 TYPES = {
     "revolute": "revolute",
@@ -53,19 +56,8 @@ PLANES = (
     (0.0, 0.0, 1.0),
 )  # normals that a planar joint can have as they are
 READ = {"link", "joint", "material", "transmission"}
-WORLD = "world"  # a parent that no file has to declare
 SWAPPED = "lower and upper are the other way round in the file"
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-
-
-@dataclass
-class Tree:
-    """The links and joints of a file by their own names."""
-
-    links: dict[str, Element] = field(default_factory=dict[str, Element])
-    joints: dict[str, Element] = field(default_factory=dict[str, Element])
-    bodies: dict[str, Body] = field(default_factory=dict[str, Body])
-    made: dict[str, Joint] = field(default_factory=dict[str, Joint])
 
 
 def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robot:
@@ -78,11 +70,13 @@ def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robo
     _old_quaternions(root, result)
     if not exact:
         _unrounded(root, result)
-    _collect(reading, root, tree)
-    base = _root(reading, tree)
+    collect(reading, root, tree)
+    base = root_of(reading, tree)
     reading.finish()
+    reading.bodies.kept, reading.symbols.kept = set(tree.links), set(tree.joints)
     _bodies(reading, tree, result)
     _joints(reading, tree, result, base, floating)
+    _planar_frames(tree, result)
     reading.finish()
     if all(joint.type == "fixed" for joint in result.joints):
         hint = "--floating gives the root link a free joint"
@@ -165,104 +159,6 @@ def _turned(reading: Reading, origin: Element | None) -> tuple[Vector | None, Ma
     return None, rotation or IDENTITY
 
 
-def _collect(reading: Reading, root: Element, tree: Tree) -> None:
-    for tag, table in (("link", tree.links), ("joint", tree.joints)):
-        for element in root.all(tag):
-            name = element.get("name")
-            if not name.strip():
-                reading.report(element, f"a {tag} without a name", f'<{tag} name="…">')
-            elif name in table:
-                reading.report(
-                    element, f"a second {tag} '{name}'", "names that differ", attribute="name"
-                )
-            table.setdefault(name, element)
-    if not tree.links:
-        root.refuse("the robot has no links", '<link name="…">')
-    _world(tree)
-
-
-def _world(tree: Tree) -> None:
-    """The link `world` where joints start from it and nothing declares it, as Drake and Gazebo take
-    it."""
-    parents = [joint.first("parent") for joint in tree.joints.values()]
-    found = [parent for parent in parents if parent is not None and parent.get("link") == WORLD]
-    if found and WORLD not in tree.links:
-        place = found[0]
-        tree.links[WORLD] = Element("link", {"name": WORLD}, place.file, place.at)
-
-
-def _end(reading: Reading, tree: Tree, joint: Element, tag: str) -> str:
-    """The parent or child link of a joint; "" after reporting that there is none."""
-    end = joint.first(tag)
-    if end is None or not end.get("link"):
-        reading.report(
-            end or joint, f"the joint '{joint.get('name')}' has no {tag}", f'<{tag} link="…"/>'
-        )
-        return ""
-    if end.get("link") not in tree.links:
-        reading.unknown(end, "link", "link", list(tree.links))
-        return ""
-    return end.get("link")
-
-
-def _root(reading: Reading, tree: Tree) -> str:
-    """The one link that no joint carries; reports what is not a tree."""
-    above: dict[str, Element] = {}
-    parents: dict[str, str] = {}
-    for joint in tree.joints.values():
-        parent, child = _end(reading, tree, joint, "parent"), _end(reading, tree, joint, "child")
-        if child in above:
-            other = above[child].get("name")
-            problem = (
-                f"a kinematic loop: the link '{child}' is already the child of the joint '{other}'"
-            )
-            hint = (
-                "import the tree without this joint, then close the loop under `closures:` "
-                "of the model"
-            )
-            reading.report(
-                joint.first("child") or joint, problem, "one joint per child link", hint, "link"
-            )
-        elif child:
-            above[child], parents[child] = joint, parent
-    reading.finish()
-    return _only_root(reading, tree, parents)
-
-
-def _only_root(reading: Reading, tree: Tree, parents: dict[str, str]) -> str:
-    roots = [name for name in tree.links if name not in parents]
-    for extra in roots[1:]:
-        problem = f"the link '{extra}' is not connected to '{roots[0]}': no joint carries it"
-        reading.report(
-            tree.links[extra],
-            problem,
-            "one root link; every other is the child of a joint",
-            attribute="name",
-        )
-    for circle in _circles(tree, parents):
-        problem = (
-            "a kinematic loop without a beginning: "
-            f"{' → '.join(quoted(name) for name in [*circle, circle[0]][:10])}"
-        )
-        reading.report(tree.links[circle[0]], problem, "a tree of links", attribute="name")
-    return roots[0] if roots else ""
-
-
-def _circles(tree: Tree, parents: dict[str, str]) -> list[list[str]]:
-    """Links that carry each other in a circle, from parent to child."""
-    done: set[str] = set()
-    circles: list[list[str]] = []
-    for name in tree.links:
-        chain: list[str] = []
-        while name in parents and name not in done:
-            done.add(name)
-            chain.append(name)
-            name = parents[name]
-        if name in chain:
-            circles.append(chain[chain.index(name) :][::-1])
-    return circles
-
-
 def _bodies(reading: Reading, tree: Tree, result: Robot) -> None:
     for name, link in tree.links.items():
         body = Body("", link)
@@ -303,9 +199,9 @@ def _joints(reading: Reading, tree: Tree, result: Robot, base: str, floating: bo
     for name, element in tree.joints.items():
         if (joint := _joint(reading, tree, element)) is not None:
             tree.made[name] = joint
-    result.joints.append(
-        Joint(reading.joint_name("base", kind, []), kind, GROUND, tree.bodies[base].name, root)
-    )
+    others = {body.name for name, body in tree.bodies.items() if name != base}
+    name = reading.joint_name("root" if "base" in others else "base", kind, [])
+    result.joints.append(Joint(name, kind, GROUND, tree.bodies[base].name, root))
     result.joints += tree.made.values()
     if not floating:
         result.changed.append(
@@ -325,7 +221,6 @@ def _joint(reading: Reading, tree: Tree, element: Element) -> Joint | None:
     ends = (element.first("parent"), element.first("child"))
     parent, child = (tree.bodies[end.get("link")].name for end in ends if end is not None)
     joint = Joint("", TYPES[given], parent, child, element)
-    joint.name = reading.joint_name(element.get("name"), joint.type, joint.notes)
     origin = element.first("origin")
     joint.at = vector(reading, origin, "xyz")
     joint.rpy, joint.rotation = _turned(reading, origin)
@@ -333,6 +228,9 @@ def _joint(reading: Reading, tree: Tree, element: Element) -> Joint | None:
         joint.axis = _axis(reading, element)
     if joint.type == "planar":
         _planar(joint)
+    wanted = element.get("name")
+    wanted = wanted if joint.rotation_child == IDENTITY else f"{wanted}_plane"
+    joint.name = reading.joint_name(wanted, joint.type, joint.notes)
     if joint.type in ONE_RATE:
         _limits(reading, element, joint)
         _dynamics(reading, element, joint)
@@ -358,6 +256,9 @@ def _limits(reading: Reading, element: Element, joint: Joint) -> None:
     limit = element.first("limit")
     if limit is None:
         return
+    for name in ("lower", "upper", "effort", "velocity"):
+        if is_endless(limit, name):
+            del limit.attributes[name]
     if element.get("type") != "continuous" and {"lower", "upper"} & limit.attributes.keys():
         ends = scalar(reading, limit, "lower"), scalar(reading, limit, "upper")
         joint.limits = (min(ends), max(ends))
@@ -387,6 +288,20 @@ def _planar(joint: Joint) -> None:
         turn = _onto(joint.axis)
         joint.rotation, joint.rotation_child = product(joint.turn(), turn), turn
         joint.rpy, joint.axis = None, (0.0, 0.0, 1.0)
+
+
+def _planar_frames(tree: Tree, result: Robot) -> None:
+    """The frame of a planar joint that had to be turned, which is that of its link, by its own
+    name."""
+    taken = {joint.name for joint in result.joints} | {body.name for body in result.bodies}
+    for original, joint in tree.made.items():
+        name = legal(original, "joint")
+        if joint.rotation_child == IDENTITY:
+            continue
+        joint.notes.append(f"the plane of {quoted(original)}")
+        if name not in taken and not is_ambiguous(name):
+            text = frame_text(joint.child, ORIGIN, IDENTITY)
+            result.frames.append(Entry(name, text, joint.place))
 
 
 def _onto(axis: Vector) -> Matrix:
@@ -493,6 +408,15 @@ def _notes(reading: Reading, root: Element, result: Robot) -> None:
     swapped = [joint.name for joint in result.joints if SWAPPED in joint.notes]
     if swapped:
         result.assumed.append(f"lower and upper limits are the other way round: {listed(swapped)}")
+    undamped = [
+        quoted(joint.get("name"))
+        for joint in root.all("joint")
+        if TYPES.get(joint.get("type")) in ("planar", "free") and joint.first("dynamics")
+    ]
+    if undamped:
+        result.assumed.append(
+            f"not read: <dynamics> of {listed(undamped)}, joints of several directions"
+        )
     if any(joint.first("limit") for joint in root.all("joint")):
         result.assumed.append(
             "limits are there to read: nothing in the equations stops a joint at them"

@@ -33,6 +33,7 @@ def robot(
     outcome = settings(reading, root, folders)
     replicate(reading, root, outcome, budget)
     reading.finish()
+    _keep_names(reading, root)
     result = Robot(root.get("model") or name, "MJCF", root, outcome.gravity)
     result.names, result.body_names = reading.symbols, reading.bodies
     scene = Scene(result, outcome)
@@ -51,6 +52,16 @@ def robot(
     sites(reading, scene)
     _notes(reading, root, scene)
     return result
+
+
+def _keep_names(reading: Reading, root: Element) -> None:
+    """Bodies and joints keep the names of the file where the model may have them."""
+    for world in root.all("worldbody"):
+        for element in world.walk():
+            if element.tag == "body":
+                reading.bodies.kept.add(element.get("name"))
+            elif element.tag in ("joint", "freejoint"):
+                reading.symbols.kept.add(element.get("name"))
 
 
 def _is_off(flag: str, section: str, root: Element, scene: Scene) -> bool:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from derive.model.named_frames import TAKEN
 from derive.robots.mjcf.bodies import Scene
-from derive.robots.naming import Names
+from derive.robots.naming import Names, is_ambiguous
 from derive.robots.robot import Entry, Reading, quoted
 from derive.robots.writing import frame_text
-
-AMBIGUOUS = ("local_", "world_", "w_", "quaternion_", "jacobian_")
 
 
 def sites(reading: Reading, scene: Scene) -> None:
@@ -20,7 +17,7 @@ def sites(reading: Reading, scene: Scene) -> None:
         if not original:
             continue
         name = names(original, "frame")
-        if name in taken or f"jacobian_{name}" in TAKEN or name.startswith(AMBIGUOUS):
+        if name in taken or is_ambiguous(name):
             name = names(f"site_{name}", "frame")
         if name in taken:
             continue

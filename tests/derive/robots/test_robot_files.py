@@ -292,6 +292,7 @@ def test_transmissions_give_ratios_and_rotors(tmp_path):
             "2 joints in one",
         ),
         ('<transmission name="e"><joint name="a"/></transmission>', "the transmission 'e'"),
+        (TRANSMISSION.format("t", "a", "reduction", ""), "'t': its ratio is no number"),
     ],
 )
 def test_other_transmissions_are_said_to_be_left_out(transmission, said, tmp_path):
@@ -303,7 +304,7 @@ def test_other_transmissions_are_said_to_be_left_out(transmission, said, tmp_pat
     ("ratio", "rotor", "said"),
     [
         ("0", "", "the mechanicalReduction of an actuator is zero"),
-        ("x", "", "'x' in 'value' of <mechanicalReduction>"),
+        ("x", '<rotor_inertia value="1"/>', "'x' in 'value' of <mechanicalReduction>"),
         ("2", '<rotor_inertia value="-1"/>', "the rotor of 'a' has the inertia -1"),
     ],
 )

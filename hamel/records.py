@@ -604,7 +604,8 @@ class FreeParameter:
 @dataclass(frozen=True)
 class FreeParameters:
     """Parameters by multiple shooting. `measured`: what is left of each quantity, root mean square
-    in its unit; `gap`: the largest between two segments, in spreads of the state."""
+    in its unit; `gap`: the largest between two segments, in spreads of the state; `notes`: what
+    speaks against the values."""
 
     model: str
     data: str
@@ -613,6 +614,7 @@ class FreeParameters:
     parameters: tuple[FreeParameter, ...]
     measured: Mapping[str, float]
     gap: float
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

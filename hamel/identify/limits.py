@@ -18,7 +18,7 @@ LEAST_WEIGHT = 1e-12  # of the largest residual: an equation without noise is no
 FEW_WEIGHTS = (1e-4, 1e-2)  # the same, where no body has what is told so exactly: solvers fail
 
 # fit
-DOUBTFUL = 0.1  # of the forces: a fit that leaves more explains something else
+DOUBTFUL = 0.1  # of forces, or of what is measured: a fit that leaves more explains another thing
 
 # excitation
 TRIES = 20  # random series, of which the best is improved
@@ -45,6 +45,7 @@ DIFFERENCE = 1e-5  # of a scale, that a start or parameter is moved by: half of 
 MOVES = 1e-6  # SI: the spread from which on an entry of the state is its own scale
 FIRST_NOISE = 0.01  # of the spread of what is measured
 CONTINUOUS = 1e4  # standard deviations of noise that a gap of one spread of the state counts as
+LOOSE = (1.0, 100.0)  # the same before that, while parameters are far away
 EVALUATIONS = 100  # of all segments
 PASSES = 2  # the second with the noise that the first left
 TOLD = 1e-9  # of the largest singular value: what the motion tells nothing of

@@ -183,6 +183,10 @@ def _filter(t: Array, columns: dict[str, Array], names: Sequence[str], own: floa
     rate = (len(t) - 1) / float(t[-1] - t[0])
     if own is not None and not 0.0 < own < rate / 2.0:
         raise ModelError(f"the cutoff is {own:g} Hz", f"less than half of {rate:g} Hz")
+    if own is not None and 2 * Filter(own, rate).ends >= len(t):
+        problem = f"the cutoff is {own:g} Hz, whose filter reaches over all {t[-1] - t[0]:.4g} s"
+        least = 4.0 * rate / max(1, len(t) - 2 * SPLINE_ENDS)
+        raise ModelError(problem, f"more than {least:.3g} Hz, or a longer motion")
     return Filter(
         own or _cutoff(np.column_stack([columns[n] for n in names if n in columns]), rate), rate
     )

@@ -9,6 +9,7 @@ steps with trust regions (scipy.optimize.least_squares). Derivatives are integra
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
@@ -22,9 +23,11 @@ from derive.formulations.records import Equations
 from hamel.identify.limits import (
     CONTINUOUS,
     DIFFERENCE,
+    DOUBTFUL,
     EVALUATIONS,
     FIRST_NOISE,
     LEAST_WEIGHT,
+    LOOSE,
     MOVES,
     PART,
     PASSES,
@@ -41,13 +44,14 @@ HOW: dict[str, Any] = {"rtol": TOLERANCE, "atol": TOLERANCE, "integrator": "dop8
 @dataclass(frozen=True)
 class Shot:
     """Values and standard deviations of the free parameters; `noise`: what is left of each measured
-    quantity, root mean square in its unit; `gap`: the largest between segments, in units of the
-    spread of the state; `starts` (segments, nx)."""
+    quantity, root mean square in its unit; `doubtful`: those of which much is left; `gap`: the
+    largest between segments, in units of the spread of the state; `starts` (segments, nx)."""
 
     values: Array
     deviations: Array
     measured: tuple[str, ...]
     noise: Array
+    doubtful: tuple[str, ...]
     gap: float
     starts: Array
 
@@ -142,20 +146,26 @@ def shot(
     measured = np.column_stack([recorded.columns[name] for name in problem.names])
     noise = FIRST_NOISE * np.maximum(np.std(measured, axis=0), LEAST_WEIGHT)
     theta, jacobian = _first(problem), np.empty((0, 0))
+    for tie in LOOSE:  # segments that need not meet find their way from far away
+        theta, _ = _solved(problem, measured, noise, theta, tie)
     for _ in range(PASSES):  # the second time by the noise that there is
-        theta, jacobian = _solved(problem, measured, noise, theta)
+        theta, jacobian = _solved(problem, measured, noise, theta, CONTINUOUS)
         left = problem.parts_seen(theta)[0] - measured[problem.at]
         noise = np.maximum(np.sqrt(np.mean(left**2, axis=(0, 1))), LEAST_WEIGHT * noise)
-    return _told(problem, theta, jacobian, noise)
+    much = noise > DOUBTFUL * np.std(measured, axis=0)
+    doubtful = [name for name, is_much in zip(problem.names, much) if is_much]
+    return _told(problem, theta, jacobian, noise, tuple(doubtful))
 
 
 def check_free(equations: Equations, free: Sequence[str]) -> None:
     """Raises ModelError for a name that is no parameter of the model."""
     known = equations.argument("p").labels
-    for name in free:
+    for k, name in enumerate(free):
         if name not in known:
             near = did_you_mean(name, known) or f"it has {listed(known)}"
             raise ModelError(f"'{name}' is no parameter of {equations.system.model.name}; {near}")
+        if name in free[:k]:
+            raise ModelError(f"'{name}' is named twice", "each free parameter once")
 
 
 def quantities(equations: Equations, recorded: Recorded) -> tuple[str, ...]:
@@ -202,26 +212,39 @@ def _first(problem: _Problem) -> Array:
     return np.concatenate([problem.p[list(problem.free)] / problem.scale_p, starts.ravel()])
 
 
-def _solved(problem: _Problem, y: Array, noise: Array, theta: Array) -> tuple[Array, Array]:
-    """θ, and the Jacobian of all residuals there."""
+def _solved(
+    problem: _Problem, y: Array, noise: Array, theta: Array, tie: float
+) -> tuple[Array, Array]:
+    """θ, and the Jacobian of all residuals there; `tie`: the standard deviations of noise that a
+    gap of one spread of the state counts as."""
+    measured = y[problem.at]
+    count = (measured[:, :-1].size + measured[-1, -1].size) + theta[len(problem.free) :].size
+    unknown = np.full(count - len(problem.scale_x), np.nan)
 
     def residuals(at: Array) -> Array:
-        seen, ends = problem.parts_seen(at)
+        if np.array_equal(at, theta):
+            seen, ends = problem.parts_seen(at)
+        else:
+            try:
+                with warnings.catch_warnings(action="ignore"):
+                    seen, ends = problem.parts_seen(at)
+            except AssumptionError:
+                return unknown  # the solver tries a shorter step
         starts = at[len(problem.free) :].reshape(len(problem.at), -1)
-        off = ((seen - y[problem.at])[:, :-1] / noise).ravel()
-        last = ((seen - y[problem.at])[-1, -1] / noise).ravel()
-        return np.concatenate([off, last, CONTINUOUS * (starts[1:] - ends[:-1]).ravel()])
+        off = ((seen - measured)[:, :-1] / noise).ravel()
+        last = ((seen - measured)[-1, -1] / noise).ravel()
+        return np.concatenate([off, last, tie * (starts[1:] - ends[:-1]).ravel()])
 
     def slopes(at: Array) -> Array:
         by = _differences if problem.along is None else _integrated
-        return by(problem, noise, at)
+        return by(problem, noise, at, tie)
 
     derivatives: Any = slopes  # a function may stand there, too
     found = least_squares(residuals, theta, derivatives, max_nfev=EVALUATIONS, xtol=SMALLEST_STEP)
     return found.x, np.asarray(found.jac)
 
 
-def _integrated(problem: _Problem, noise: Array, theta: Array) -> Array:
+def _integrated(problem: _Problem, noise: Array, theta: Array, tie: float) -> Array:
     """By the slopes of each segment's motion. A segment knows its own start alone."""
     count = len(problem.free)
     p, _ = problem.parts(theta)
@@ -230,10 +253,10 @@ def _integrated(problem: _Problem, noise: Array, theta: Array) -> Array:
     seen = problem.slopes.of_seen(t, x, u, p, D, problem.scale_p)
     dy = np.moveaxis(seen / noise[:, None], -1, 1)
     dx = np.moveaxis(D[:, -1] / problem.scale_x[:, None], -1, 1)
-    return _assembled(dy, dx, count)
+    return _assembled(dy, dx, count, tie)
 
 
-def _differences(problem: _Problem, noise: Array, theta: Array) -> Array:
+def _differences(problem: _Problem, noise: Array, theta: Array, tie: float) -> Array:
     """By one start and one parameter more at a time: all of them side by side. A segment knows its
     own start alone."""
     count, (segments, rows), nx = len(problem.free), problem.at.shape, len(problem.scale_x)
@@ -252,10 +275,10 @@ def _differences(problem: _Problem, noise: Array, theta: Array) -> Array:
     ends = x[:, -1].reshape(segments, many, -1) / problem.scale_x
     dy = (seen[:, 1:] - seen[:, :1]) / DIFFERENCE / noise
     dx = (ends[:, 1:] - ends[:, :1]) / DIFFERENCE
-    return _assembled(dy, dx, count)
+    return _assembled(dy, dx, count, tie)
 
 
-def _assembled(dy: Array, dx: Array, count: int) -> Array:
+def _assembled(dy: Array, dx: Array, count: int, tie: float) -> Array:
     """Slopes of all residuals from those of each segment by the `count` parameters and by its own
     start: dy (segments, count + nx, rows, quantities) of what is seen, dx (segments, count + nx,
     nx) of its end."""
@@ -273,10 +296,12 @@ def _assembled(dy: Array, dx: Array, count: int) -> Array:
             gaps[s, :, first + nx : first + 2 * nx] = np.eye(nx)
     off = own[:, :-1].reshape(-1, columns)
     last = own[-1, -1].reshape(-1, columns)
-    return np.vstack([off, last, CONTINUOUS * gaps[:-1].reshape(-1, columns)])
+    return np.vstack([off, last, tie * gaps[:-1].reshape(-1, columns)])
 
 
-def _told(problem: _Problem, theta: Array, jacobian: Array, noise: Array) -> Shot:
+def _told(
+    problem: _Problem, theta: Array, jacobian: Array, noise: Array, doubtful: tuple[str, ...]
+) -> Shot:
     """With the deviations that independent noise of every row leaves."""
     count, p = len(problem.free), problem.parts(theta)[0]
     sizes = np.linalg.norm(jacobian, axis=0)
@@ -293,4 +318,5 @@ def _told(problem: _Problem, theta: Array, jacobian: Array, noise: Array) -> Sho
     starts = theta[count:].reshape(len(problem.at), -1)
     gap = float(np.abs(starts[1:] - ends[:-1]).max(initial=0.0))
     values = p[list(problem.free)]
-    return Shot(values, deviations, problem.names, noise, gap, starts * problem.scale_x)
+    starts = starts * problem.scale_x
+    return Shot(values, deviations, problem.names, noise, doubtful, gap, starts)

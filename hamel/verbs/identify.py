@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from derive.diagnostics import AssumptionError, ModelError
+from derive.diagnostics import AssumptionError, ModelError, listed
 from derive.formulations.frames import based
 from derive.formulations.records import Equations
 from derive.states.closing import nominal
@@ -242,6 +242,16 @@ def shoot(
         ),
         measured=dict(zip(result.measured, map(float, result.noise))),
         gap=result.gap,
+        notes=_unexplained(result.doubtful),
+    )
+
+
+def _unexplained(doubtful: Sequence[str]) -> tuple[str, ...]:
+    if not doubtful:
+        return ()
+    return (
+        f"much of {listed(doubtful)} is left, so these values are not to be trusted: more segments "
+        "find the way from farther away; else the model may lack a force",
     )
 
 
@@ -258,6 +268,8 @@ def _show_free(record: FreeParameters, console: Console) -> None:
     )
     for name, left in record.measured.items():
         console.print(f"  {name} is left with {left:.3g}")
+    for note in record.notes:
+        console.print(f"  {note}")
 
 
 def show(

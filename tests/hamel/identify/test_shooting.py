@@ -51,6 +51,10 @@ def test_what_the_file_or_the_model_does_not_have_is_told(arm: Path, tmp_path: P
     file = write(tmp_path / "data.csv", "t,u,q", t, t, t)
     with pytest.raises(ModelError, match="'ka' is no parameter of arm"):
         hamel.free_parameters(arm, file, ["ka"])
+    with pytest.raises(ModelError, match="'k' is named twice"):
+        hamel.free_parameters(arm, file, ["k", "l", "k"])
+    with pytest.raises(ModelError, match="whose filter reaches over all 1 s"):
+        hamel.free_parameters(arm, file, ["k"], cutoff=0.001)
     with pytest.raises(ModelError, match="0 segments"):
         hamel.free_parameters(arm, file, ["k"], segments=0)
     with pytest.raises(ModelError, match="no column 'u', an input"):
@@ -77,6 +81,83 @@ def test_noisy_positions_give_the_parameters_back(arm: Path, tmp_path: Path) -> 
     assert result.gap < 1e-4
     with pytest.raises(AssumptionError, match="does not tell 'idle'"):
         hamel.free_parameters(arm, file, ["k", "idle"])
+
+
+TWO_LINKS = """
+model: two_links
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {l1: 0.4 m, l2: 0.3 m, m1: 2 kg, m2: 1 kg, d: 0.3 N*m*s}
+bodies:
+  A: {mass: m1, com: [l1/2, 0.01 m], inertia: m1*l1^2/12}
+  B: {mass: m2, com: [l2/2, 0], inertia: m2*l2^2/12}
+joints:
+  J1: {type: revolute, parent: ground, child: A, coordinate: q1}
+  J2: {type: revolute, parent: A, child: B, at: [l1, 0], coordinate: q2}
+loads: {f1: {type: damper, joint: J1, coefficient: d}}
+inputs: {t1: {joint: J1}, t2: {joint: J2}}
+"""
+
+
+def sines(t: np.ndarray, *terms: tuple[float, float, float]) -> tuple[np.ndarray, ...]:
+    """Σ A sin(ω t + φ) with its two derivatives."""
+    values = [(A * np.sin(w * t + f), A * w * np.cos(w * t + f)) for A, w, f in terms]
+    accelerations = [-A * w**2 * np.sin(w * t + f) for A, w, f in terms]
+    return (*map(sum, zip(*values)), sum(accelerations))
+
+
+def turned(angle: np.ndarray, x: float, y: float) -> np.ndarray:
+    return np.array([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y])
+
+
+def torques(q1, q2, l1: float, m1: float, d: float) -> tuple[np.ndarray, np.ndarray]:
+    """Newton and Euler's, of angles with their two derivatives; the rest as in the file."""
+
+    def moved(p, v, a, x: float, y: float) -> np.ndarray:
+        return turned(p, -a * y - v**2 * x, a * x - v**2 * y)
+
+    def moment(r: np.ndarray, f: np.ndarray) -> np.ndarray:
+        return r[0] * f[1] - r[1] * f[0]
+
+    p = [a + b for a, b in zip(q1, q2)]
+    up = np.array([[0.0], [9.81]])
+    first, joint = moved(*q1, l1 / 2, 0.01), moved(*q1, l1, 0.0)
+    f2 = joint + moved(*p, 0.15, 0.0) + up
+    f1 = m1 * (first + up)
+    t2 = 0.3**2 / 12 * p[2] + moment(turned(p[0], 0.15, 0.0), f2)
+    own = m1 * l1**2 / 12 * q1[2] + moment(turned(q1[0], l1 / 2, 0.01), f1)
+    return t2 + own + moment(turned(q1[0], l1, 0.0), f2) + d * q1[1], t2
+
+
+def arm_and_data(tmp_path: Path) -> tuple[Path, Path]:
+    model = tmp_path / "two_links.yaml"
+    model.write_text(TWO_LINKS, encoding="utf-8")
+    t = np.arange(0.0, 6.0, 0.005)
+    q1 = sines(t, (0.9, 2.0, 0.0), (0.4, 5.3, 1.0))
+    q2 = sines(t, (1.1, 3.1, 0.3), (0.3, 7.0, 2.0))
+    forces = torques(q1, q2, 0.43, 2.5, 0.45)
+    names = "t,q1,q2,der(q1),der(q2),t1,t2"
+    data = write(tmp_path / "data.csv", names, t, q1[0], q2[0], q1[1], q2[1], *forces)
+    return model, data
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("segments", [10, 12])
+def test_values_are_found_from_far_away(tmp_path: Path, segments: int) -> None:
+    """A tenth off in a length, a fifth in a mass, a third in a damper; the digits that are left are
+    those of inputs that are straight from row to row."""
+    model, data = arm_and_data(tmp_path)
+    found = hamel.free_parameters(model, data, ["l1", "m1", "d"], segments=segments)
+    values = [x.value for x in found.parameters]
+    np.testing.assert_allclose(values, [0.43, 2.5, 0.45], rtol=3e-4)
+    assert not found.notes
+
+
+@pytest.mark.slow
+def test_values_that_do_not_explain_the_motion_are_doubted(tmp_path: Path) -> None:
+    model, data = arm_and_data(tmp_path)
+    found = hamel.free_parameters(model, data, ["d"], segments=30)
+    assert "much of" in found.notes[0] and "not to be trusted" in found.notes[0]
 
 
 FOUR_BAR = """
@@ -151,11 +232,11 @@ def test_slopes_are_those_of_the_motion(tmp_path: Path, monkeypatch: pytest.Monk
         problem = shooting._problem(equations, module, motion, free, 3, along)
         theta = shooting._first(problem) * 1.01
         noise = np.ones(len(problem.names))
-        exact = shooting._integrated(problem, noise, theta)
+        exact = shooting._integrated(problem, noise, theta, shooting.CONTINUOUS)
         differences = np.zeros_like(exact)
         for step in (2e-4, -2e-4):  # forwards and backwards: half of each is central
             monkeypatch.setattr(shooting, "DIFFERENCE", step)
-            differences += shooting._differences(problem, noise, theta) / 2
+            differences += shooting._differences(problem, noise, theta, shooting.CONTINUOUS) / 2
     sizes = np.abs(differences).max(axis=0)
     assert sizes.min() > 1e-2
     np.testing.assert_allclose(exact / sizes, differences / sizes, atol=5e-7)

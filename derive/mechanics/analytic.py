@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from derive.diagnostics import Diagnostic, ModelError
+from derive.expressions.one_sided import gradient
 from derive.mechanics.symbols import Symbols
 from derive.model.records import Model
 
@@ -51,7 +52,7 @@ def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
             )
         )
     along = ca.vertcat(s.t, s.q)
-    h_q = ca.jtimes(momentum, along, ca.vertcat(1, s.qd)) - ca.gradient(T - V, s.q)
+    h_q = ca.jtimes(momentum, along, ca.vertcat(1, s.qd)) - gradient(T - V, s.q)
     M, h = _over_v(M_q, h_q, s, qdot)
     formulas = [h, T, _missing(T, momentum, s), ca.jtimes(T, s.t, ca.SX(1))]
     bias, energy, missing, explicit = ca.substitute(formulas, [s.qd], [qdot])

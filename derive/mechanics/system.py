@@ -11,6 +11,7 @@ import numpy as np
 
 from derive.expressions.counting import cheapest
 from derive.expressions.deferred import Deferred
+from derive.expressions.one_sided import gradient
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints import joint_type
 from derive.joints.rotations import is_zero
@@ -106,7 +107,7 @@ def _assembled(
     # q̇ is linear in v, so its Jacobian is N itself
     N = ca.jacobian(scene.qdot, s.v)
     # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q
-    Q = loads.force - ca.mtimes(N.T, ca.gradient(loads.energy, s.q))
+    Q = loads.force - ca.mtimes(N.T, gradient(loads.energy, s.q))
     of = Energies(scene, loads, extra, g, rates_of_states(scene), late)
 
     def bias() -> ca.SX:

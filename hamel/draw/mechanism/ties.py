@@ -4,12 +4,13 @@ springs and dampers, wheels that mesh."""
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from derive.expressions.tree import Name, walk
 from derive.model.constraint_records import Distance, Holonomic, NoSlip, Rolling
-from derive.model.load_records import Bushing, JointDamper, JointSpring, PointSpring
+from derive.model.load_records import Bushing, Contact, JointDamper, JointSpring, PointSpring
 from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.joints import PIN, bearing, hatched
 from hamel.draw.mechanism.records import GROUND, Shape, Vector, spot
@@ -44,6 +45,9 @@ def tie_shapes(scene: Scene, scale: float) -> list[Shape]:
                 shapes += _meshing(scene, x)
             case _:
                 pass
+    for load in scene.model.loads:
+        if isinstance(load, Contact):
+            shapes += _floor(scene, load, floors)
     return shapes
 
 
@@ -81,8 +85,8 @@ def _wheels(scene: Scene, x: NoSlip, scale: float) -> list[Shape]:
     return shapes
 
 
-def _floor(scene: Scene, x: Rolling, floors: set[tuple[float, ...]]) -> list[Shape]:
-    """The line or plane that something rolls on, each once; a surface is not drawn."""
+def _floor(scene: Scene, x: Rolling | Contact, floors: set[tuple[float, ...]]) -> list[Shape]:
+    """The line or plane that something rolls on or touches, each once; a surface is not drawn."""
     if x.surface is not None:
         return []
     pose = scene.pose(scene.index(x.carrier))
@@ -100,15 +104,25 @@ def _floor(scene: Scene, x: Rolling, floors: set[tuple[float, ...]]) -> list[Sha
         room = FLOOR * scene.view.pixel
         base = normal * float(origin @ normal)
         line = (base + (min(reach) - room) * along, base + (max(reach) + room) * along)
-        return hatched(scene, line, -normal, 1.0)
-    return _grid(scene, normal, origin, feet)
+        return _carried(scene, x.carrier, hatched(scene, line, -normal, 1.0))
+    return _carried(scene, x.carrier, _grid(scene, normal, origin, feet))
+
+
+def _carried(scene: Scene, carrier: str, shapes: list[Shape]) -> list[Shape]:
+    """What was placed on the ground, on the body that it belongs to: it moves with that."""
+    index = scene.index(carrier)
+    if index == GROUND:
+        return shapes
+    pose = scene.pose(index)
+    moved = [tuple(spot(index, pose.inside(scene.place(at))) for at in x.spots) for x in shapes]
+    return [replace(x, spots=spots) for x, spots in zip(shapes, moved)]
 
 
 def _feet(scene: Scene, normal: Vector, origin: Vector) -> list[Vector]:
-    """Under everything that rolls, and where a motion takes it."""
+    """Under everything that rolls or touches, and where a motion takes it."""
     feet = []
-    for x in scene.model.constraints:
-        if isinstance(x, Rolling):
+    for x in (*scene.model.constraints, *scene.model.loads):
+        if isinstance(x, Rolling | Contact):
             at = scene.place(spot(scene.index(x.body), scene.numbers.vector(x.centre)))
             radius = abs(scene.numbers.scalar(x.radius))
             foot = at - normal * float((at - origin) @ normal)
@@ -155,12 +169,16 @@ def _lines(scene: Scene, low: float, high: float) -> list[float]:
 
 
 def _meshing(scene: Scene, x: Holonomic) -> list[Shape]:
-    """The pitch circles of two wheels on one carrier, where a formula ties their angles."""
+    """The pitch circles of two wheels on one carrier, where a formula ties their angles; what
+    steers skates or wheels on the ground is no gear."""
     if not scene.view.flat:
         return []
+    steered = {tie.body for tie in scene.model.constraints if isinstance(tie, NoSlip | Rolling)}
     wheels = [a for a in scene.anchors if a.type == "revolute" and a.coordinates]
     wheels = [a for a in wheels if _occurs(x, a.coordinates[0])]
     if len(wheels) != 2 or wheels[0].bodies[0] != wheels[1].bodies[0]:
+        return []
+    if any(scene.names[wheel.bodies[1]] in steered for wheel in wheels):
         return []
     rates = [_slope(scene, x, a.coordinates[0]) for a in wheels]
     distance = float(np.linalg.norm(wheels[0].points[0] - wheels[1].points[0]))

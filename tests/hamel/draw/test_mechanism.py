@@ -320,3 +320,54 @@ inputs: {u1: {joint: j1}, u_1: {joint: j_1}}
 def test_names_are_those_of_the_derivation() -> None:
     labels = [x.label.latex for x in figure(system(load_text(TWINS))).letterings]
     assert {"q_{1}", r"\mathrm{q\,1}", "u_{1}", r"\mathrm{u\,1}"} <= set(labels)
+
+
+BALL = """
+model: ball
+plane: xz
+gravity: [0, -9.81 m/s^2]
+bodies: {plank: {mass: 1 kg, com: [0.3 m, 0], inertia: 0.03}, ball: {mass: 1 kg, inertia: 0.004}}
+joints:
+  hinge: {type: revolute, parent: ground, child: plank, coordinate: tilt}
+  fall: {type: planar, parent: ground, child: ball, coordinates: [x, z, turn]}
+loads:
+  touch:
+    type: contact
+    body: ball
+    shape: {sphere: {radius: 0.1 m}}
+    plane: {normal: z, of: CARRIER}
+    stiffness: 1e4 N/m
+initial: {x: 0.3 m, z: 0.5 m, tilt: 20 deg}
+"""
+
+
+@pytest.mark.parametrize(("carrier", "slope"), [("ground", 0.0), ("plank", math.tan(math.pi / 9))])
+def test_what_is_touched_is_a_hatched_line(carrier: str, slope: float) -> None:
+    """It is the plane of the contact, of the ground or of a body."""
+    mechanics = system(load_text(BALL.replace("CARRIER", carrier)))
+    lines = [x for x in figure(mechanics).marks if x.style == "ground" and len(x.points) == 2]
+    (x0, y0), (x1, y1) = max(lines, key=lambda x: math.dist(*x.points)).points
+    assert -(y1 - y0) / (x1 - x0) == pytest.approx(slope, abs=1e-6)
+
+
+def test_steered_wheels_are_no_gears() -> None:
+    text = """
+model: board
+plane: xy
+bodies: {board: {mass: 6 kg, inertia: 0.8}, front: {inertia: 0.03, mass: 0}, back: {inertia: 0.03, mass: 0}}
+joints:
+  base: {type: planar, parent: ground, child: board, coordinates: [x, y, theta]}
+  f: {type: revolute, parent: board, child: front, at: [0.4 m, 0], coordinate: a}
+  b: {type: revolute, parent: board, child: back, at: [-0.4 m, 0], coordinate: c}
+constraints:
+  opposite: {holonomic: a + c}
+  fw: {type: no_slip, body: front, at: [0, 0], direction: y}
+  bw: {type: no_slip, body: back, at: [0, 0], direction: y}
+"""
+    skates = "  fw: {type: no_slip, body: front, at: [0, 0], direction: y}\n"
+    skates += "  bw: {type: no_slip, body: back, at: [0, 0], direction: y}\n"
+    circles = [
+        sum(mark.style == "pitch" for mark in figure(system(load_text(given))).marks)
+        for given in (text, text.replace(skates, ""))
+    ]
+    assert circles == [0, 2]

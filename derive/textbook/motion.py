@@ -56,8 +56,15 @@ def bias(doc: Manuscript) -> None:
     origin = ""
     if doc.system.links:
         origin = " (Newton and Euler's equations from tip to base with $!!v=!0$)"
-    doc.say(f"The bias $!h$ collects velocity products, gravity and potential forces{origin}:")
+    doc.say(f"The bias $!h$ collects {held_by_bias(doc)}{origin}:")
     force_column(doc, "h", "h", doc.system.h, r"!h")
+
+
+def held_by_bias(doc: Manuscript) -> str:
+    """What stands in h: forces of springs and contacts are in Q."""
+    if doc.system.model.potential is None:
+        return "velocity products and gravity"
+    return "velocity products, gravity and the forces of the potential"
 
 
 def force_column(

@@ -18,7 +18,7 @@ from derive.textbook.forces import balance, column_bias, column_force
 from derive.textbook.inverse import accelerations
 from derive.textbook.layout import Rows, sum_of
 from derive.textbook.manuscript import Manuscript
-from derive.textbook.motion import bias, force_column
+from derive.textbook.motion import bias, force_column, held_by_bias
 from derive.textbook.names import per_second
 from derive.textbook.records import Math
 
@@ -89,7 +89,7 @@ def _origins(doc: Manuscript) -> None:
     if doc.has_told("bias"):
         return
     origins = (
-        "Here $!h$ holds velocity products, gravity and potential forces, and $!Q$ what is "
+        f"Here $!h$ holds {held_by_bias(doc)}, and $!Q$ what is "
         "applied, each along its generalized velocity"
     )
     doc.mean(r"!M,\; !h,\; !Q", "mass matrix, bias, applied forces")

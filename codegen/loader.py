@@ -14,7 +14,9 @@ from types import ModuleType
 
 from derive.diagnostics import ToolchainError
 
+LIBRARIES = (".so", ".dylib", ".dll", ".pyd")
 _loads = itertools.count(1)
+_built: dict[Path, list[tuple[tuple[str, int, int], ...]]] = {}  # states of a folder's libraries
 
 
 def load(folder: str | os.PathLike[str]) -> ModuleType:
@@ -25,11 +27,8 @@ def load(folder: str | os.PathLike[str]) -> ModuleType:
     place = Path(os.path.abspath(folder))
     if not (place / "__init__.py").is_file():
         raise ToolchainError(f"{place} is not a generated module: it has no __init__.py")
-    number = next(_loads)
-    name = f"hamel_generated_{number}_{place.name}"
-    # the dynamic linker takes a library for loaded when it knows the path; a rebuilt one needs
-    # another spelling
-    spelling = f"{place}{'/.' * number}" if os.name == "posix" else str(place)
+    name = f"hamel_generated_{next(_loads)}_{place.name}"
+    spelling = _spelling(place) if os.name == "posix" else str(place)
     spec = importlib.util.spec_from_file_location(
         name, f"{spelling}/__init__.py", submodule_search_locations=[spelling]
     )
@@ -45,6 +44,25 @@ def load(folder: str | os.PathLike[str]) -> ModuleType:
         del sys.modules[name]
         raise
     return module
+
+
+def unload(module: ModuleType) -> None:
+    """Let go of a module that was loaded, and of its files: nothing more is imported from it."""
+    for name in [x for x in sys.modules if x.split(".")[0] == module.__name__]:
+        del sys.modules[name]
+
+
+def _spelling(place: Path) -> str:
+    """The folder's path, written otherwise for every state of its libraries: the dynamic linker
+    takes a library for loaded when it knows the path, though it was built again."""
+    files = sorted(file for file in place.iterdir() if file.suffix in LIBRARIES)
+    states = [(file.name, file.stat()) for file in files]
+    state = tuple([(name, found.st_ino, found.st_mtime_ns) for name, found in states])
+    known = _built.setdefault(place, [])
+    if state not in known:
+        known.append(state)
+    digits = f"{known.index(state):b}".lstrip("0")
+    return str(place) + "".join("//." if digit == "1" else "/." for digit in digits)
 
 
 def part(module: ModuleType, name: str) -> ModuleType:

@@ -21,7 +21,7 @@ from types import ModuleType
 
 from codegen import compiler as toolchain
 from codegen.emit import emit
-from codegen.loader import load
+from codegen.loader import load, unload
 from codegen.program import Program
 from codegen.seal import MANIFEST
 from derive.diagnostics import ToolchainError
@@ -111,11 +111,15 @@ def compiling(draft: Draft) -> Iterator[Callable[[], Compiled]]:
     """Draft → compiled module, while something else is done: what is yielded waits for it."""
     with ThreadPoolExecutor(1) as thread:
         binaries = thread.submit(_binaries, draft)
+        finished = functools.cache(lambda: _finished(draft, binaries.result()))
         try:
-            yield functools.cache(lambda: _finished(draft, binaries.result()))
+            yield finished
         except BaseException:  # nobody waits for the compiler any more
             toolchain.stop(draft.folder)
             raise
+        finally:
+            if finished.cache_info().currsize:
+                unload(finished().module)
 
 
 @contextlib.contextmanager

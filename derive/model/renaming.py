@@ -19,6 +19,7 @@ from derive.joints import JOINTS
 from derive.model.composition import SubmodelEntry
 from derive.model.delays import late
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source
+from derive.model.grounded import ALONG_AXES, COMPONENTS, grounded, unsaid
 from derive.model.records import GROUND
 from derive.model.repetition import WORDS, with_called
 
@@ -37,7 +38,10 @@ OF_THE_WHOLE = frozenset(
 )
 # what has no parts, and why a file with it is none
 WHOLE_ONLY = ("coordinates", "kinetic", "potential", "forces")
-# keys under which a letter is an axis
+# keys whose values are words, and no formulas
+PLAIN = WORDS | {"units", "symbol", "side", "stop", "physical", "orientation"}
+# keys under which a letter is an axis, and one that has it in a list
+LETTERED = frozenset({"axis_angle"})
 LETTERS = frozenset({"axis", "axis2", "direction", "normal"})
 COORDINATES = ("coordinate", "coordinates", "position", "angles", "quaternion")
 _AXIS = re.compile(r"\s*[+-]?[xyz]\s*\Z")
@@ -45,7 +49,6 @@ _SUFFIXES = tuple(
     dict.fromkeys(slot.suffix for joint in JOINTS for slot in joint.coordinates if slot.suffix)
 )
 _CALLS = {**FUNCTIONS, **OUTPUT_FUNCTIONS, **KINEMATIC_FUNCTIONS}
-_ALONG_AXES = ("direction", "angle")  # whose second argument may be a letter
 
 
 def own_names(node: Entries) -> Iterator[str]:
@@ -117,7 +120,7 @@ def as_part(node: Entries, key: Key, entry: SubmodelEntry, source: Source) -> En
     names |= {str(name): f"{key}_{name}" for name in formulas}
     names |= {str(k): v.text.strip() for k, v in formulas.items() if _is_name(v.text)}
     names[GROUND] = _ground(key, entry)
-    part = _Renaming(names, source).part(node)
+    part = _Renaming(names, source).part(_on(names[GROUND], node, source))
     defined = {
         Key(f"{key}_{name}", name.span): value
         for name, value in formulas.items()
@@ -127,6 +130,11 @@ def as_part(node: Entries, key: Key, entry: SubmodelEntry, source: Source) -> En
     where: dict[Key, Node] = {**{own.key(name): value for name, value in own.items()}, **defined}
     part = Entries({**part, **_section("where", where, part)}, part.span)
     return part if not _mounted(entry) else merged(part, _mount(key, entry), source)
+
+
+def _on(ground: str, node: Entries, source: Source) -> Entries:
+    """The part with all that it says of its ground, where that is a body of the whole."""
+    return node if ground == GROUND else grounded(node, source)
 
 
 def _check_start(node: Entries, source: Source) -> None:
@@ -262,13 +270,16 @@ class _Renaming:
         if isinstance(node, Scalar):
             return self._scalar(node, key)
         if isinstance(node, Items):
-            return Items([self._value(entry, "") for entry in node], node.span)
+            of_words = key if key in PLAIN or key in LETTERED else ""
+            return Items([self._value(entry, of_words) for entry in node], node.span)
         if key == "nonideal":
             return self._by_name(node)
-        return Entries({k: self._value(v, k) for k, v in node.items()}, node.span)
+        kept = _words(node)
+        entries = {k: v if k in kept else self._value(v, k) for k, v in node.items()}
+        return Entries(entries, node.span)
 
     def _scalar(self, node: Scalar, key: str) -> Scalar:
-        if key in WORDS or (key in LETTERS and _AXIS.match(node.text)):
+        if key in PLAIN or (key in LETTERS | LETTERED and _AXIS.match(node.text)):
             return node
         # in the formula of a surface the letters are its own
         text = self._text(node, frozenset("xyz") if key == "surface" else frozenset())
@@ -281,14 +292,27 @@ class _Renaming:
         except FormulaError as error:
             message, expected, hint = error.detail
             self.source.refuse(node.at(error.at, error.length), message, expected, hint)
+        seen_from = f", {self.names[GROUND]}" if self.names[GROUND] != GROUND else ""
         for at, name in places:
-            text = f"{text[:at]}{self.names[name]}{text[at + len(name) :]}"
+            text = f"{text[:at]}{self.names.get(name, seen_from)}{text[at + len(name) :]}"
         return text
+
+
+def _words(node: Entries) -> frozenset[str]:
+    """Keys of an entry under which it has a word, and no name: `frame: body` of a force."""
+    if "formula" in node:
+        return frozenset({"direction"})  # of an event
+    kind = node.get("type")
+    key = COMPONENTS.get(kind.text, "") if isinstance(kind, Scalar) else ""
+    given = node.get(key)
+    is_word = isinstance(given, Scalar) and given.text in ("body", "frame")
+    return frozenset({key}) if is_word else frozenset()
 
 
 @lru_cache(1 << 14)
 def _places(text: str, known: frozenset[str]) -> tuple[tuple[int, str], ...]:
-    """Where names of the part stand in a formula, the last first."""
+    """Where names of the part stand in a formula, and without a name where its ground is left out;
+    the last first."""
     if quantity(text) is not None:
         return ()
     formula = expression(text, names=known, functions=with_called(text, _CALLS), vectors=True)
@@ -296,7 +320,7 @@ def _places(text: str, known: frozenset[str]) -> tuple[tuple[int, str], ...]:
     letters = {
         node.arguments[1].at
         for node in tree.walk(formula)
-        if isinstance(node, tree.Call) and node.function in _ALONG_AXES and node.arguments[1:]
+        if isinstance(node, tree.Call) and node.function in ALONG_AXES and node.arguments[1:]
     }
     for node in tree.walk(formula):
         if isinstance(node, tree.Name) and node.at in letters and node.name in tuple("xyz"):
@@ -311,5 +335,5 @@ def _places(text: str, known: frozenset[str]) -> tuple[tuple[int, str], ...]:
                 names[node.at + len("reaction.")] = rest.split(".")[0]
             else:
                 names[node.at] = first
-    mine = ((at, name) for at, name in names.items() if name in known or name == GROUND)
-    return tuple(sorted(mine, reverse=True))
+    mine = [(at, name) for at, name in names.items() if name in known or name == GROUND]
+    return tuple(sorted([*mine, *((at, "") for at in unsaid(text, formula))], reverse=True))

@@ -25,9 +25,10 @@ from derive.model.load_records import (
 from derive.model.loads.places import per
 from derive.model.named_frames import frame_named
 from derive.model.reader import force_unit
-from derive.model.records import Coordinate, Path, Velocity, Waypoint
+from derive.model.records import GROUND, Coordinate, Path, Velocity, Waypoint
 from derive.textbook.given_surfaces import shape, touched
 from derive.textbook.manuscript import Manuscript
+from derive.textbook.names import words
 from derive.textbook.prose import runs
 from derive.textbook.records import Math, Runs, Text
 from derive.textbook.sentences import (
@@ -292,13 +293,13 @@ def _force(doc: Manuscript, x: Force) -> Runs:
         body=called(x.body),
         point=point(doc, x.point, x.name),
         force=measured_point(doc, x.components, x.name, "N"),
-        axes=_axes(x.frame),
+        axes=_axes(x.frame, "body"),
     )
 
 
 def _torque(doc: Manuscript, x: Torque) -> Runs:
     """In a plane there is no axis to name."""
-    axes = "" if doc.system.model.plane else f", in {_axes(x.frame)}"
+    axes = "" if doc.system.model.plane else f", in {_axes(x.frame, 'body')}"
     return runs(
         "torque on {body}: {torque}{axes}",
         body=called(x.body),
@@ -320,12 +321,14 @@ def _wrench(doc: Manuscript, x: Wrench) -> Runs:
         (Text("moment "), measured_vector(doc, moment, x.name, "N*m")),
     ]  # fmt: skip
     own = "its own axes" if frame.at.rotation is None else "the axes of its frame"
-    axes = own if x.axes == "frame" else _axes(x.axes)
+    axes = own if x.axes == "frame" else _axes(x.axes, "frame")
     return start + joined(parts, ", ") + runs(", in {axes}", axes=axes)
 
 
-def _axes(frame: str) -> str:
-    return "its own axes" if frame == "body" else "ground axes"
+def _axes(frame: str, own: str) -> str:
+    if frame == GROUND:
+        return "ground axes"
+    return "its own axes" if frame == own else f"the axes of {words(frame)}"
 
 
 def _exhaust(doc: Manuscript, x: Exhaust) -> Runs:

@@ -11,8 +11,11 @@ import casadi as ca
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import rotated
 from derive.mechanics.limits import FEW_ENTRIES
+from derive.mechanics.named_frames import place_of
 from derive.mechanics.scene import Scene
 from derive.mechanics.tree import ground_point, link_direction
+from derive.model.named_frames import frame_named
+from derive.model.records import GROUND
 
 
 @dataclass(frozen=True)
@@ -75,9 +78,12 @@ def in_ground(scene: Scene, body: str, point: Vector) -> Vector:
 
 
 def components_in_ground(scene: Scene, body: str, frame: str, components: Vector) -> Vector:
-    """Components of a force or torque in ground axes. `frame` says what they were given in: "body"
-    turns them with the body, else they are in the ground already."""
-    place = scene.places[body]
-    if frame != "body" or place.link < 0:
+    """Components of a force or torque in ground axes. `frame` says along what they were given: the
+    axes of the "body", of the "ground", or of another body, joint or frame."""
+    if frame == GROUND:
         return components
-    return rotated(scene.rotations[place.link], link_direction(place, components))
+    place = scene.places[body]
+    if frame != "body":
+        place = place_of(scene.symbols, scene.places, frame_named(scene.model, frame))
+    turned = link_direction(place, components)
+    return turned if place.link < 0 else rotated(scene.rotations[place.link], turned)

@@ -6,7 +6,7 @@ import casadi as ca
 
 from derive.expressions.scalars import Vector
 from derive.joints.rotations import cross, matrix, rotated, sum_of, transpose
-from derive.mechanics.loads.records import Applied, Law, force_alone
+from derive.mechanics.loads.records import Applied, Law, components_in_ground, force_alone
 from derive.mechanics.named_frames import place_of
 from derive.mechanics.scene import Scene
 from derive.mechanics.tree import Wrench as Couple
@@ -25,10 +25,13 @@ def wrench(scene: Scene, load: Wrench) -> Applied:
     place = place_of(s, scene.places, frame)
     if place.link < 0:
         return force_alone(scene, ca.SX.zeros(nv))
-    to_link = matrix(place.rotation)
-    if load.axes == "ground":
+    given = [s.vector(x) for x in (load.force, load.moment)]
+    if load.axes == "frame":
+        force, moment = (rotated(matrix(place.rotation), x) for x in given)
+    else:
         to_link = transpose(scene.rotations[place.link])
-    force, moment = (rotated(to_link, s.vector(x)) for x in (load.force, load.moment))
+        on_ground = [components_in_ground(scene, frame.body, load.axes, x) for x in given]
+        force, moment = (rotated(to_link, x) for x in on_ground)
     couples: list[Couple] = [(NONE, NONE) for _ in scene.links]
     couples[place.link] = (sum_of(moment, cross(place.position, force)), force)
     return force_alone(scene, ca.vertcat(*joint_forces(scene.links, couples, nv)))

@@ -9,7 +9,7 @@ from derive.model.frames import Names
 from derive.model.keys import Constants, Entry, Formulas, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import Force
-from derive.model.loads.places import frame
+from derive.model.loads.places import axes
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
 from derive.model.scope import NONIDEAL
@@ -29,9 +29,9 @@ class ForceEntry(Entry):
         description="The force's components; formulas of inputs, coordinates, velocities and t.",
         json_schema_extra=term("F", "N"),
     )
-    frame: Word | None = Field(
+    frame: Named | None = Field(
         None,
-        description="Frame of the components: ground or body.",
+        description="Axes of the components: ground, body, or a body, joint or frame by name.",
         json_schema_extra=term("axes of F", otherwise="ground"),
     )
     about: Text | None = Field(
@@ -49,7 +49,7 @@ def force(reader: Reader, document: Bodies, names: Names, key: Key, entry: Force
         body,
         reader.point(entry.at, "a point"),
         components,
-        frame(reader, entry.frame),
+        axes(reader, document, entry.frame, "body"),
         key.span,
     )
 

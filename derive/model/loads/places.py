@@ -12,10 +12,8 @@ from derive.model.document import Items, Key, Scalar
 from derive.model.kind import Bodies
 from derive.model.mechanism import bodies
 from derive.model.reader import Reader
-from derive.model.records import Vector3
+from derive.model.records import GROUND, Vector3
 from derive.model.scope import CONSTANT
-
-FRAMES = ("ground", "body")
 
 
 def per(force: str, motion: str) -> str:
@@ -57,10 +55,13 @@ def not_negative(
     return formula
 
 
-def frame(reader: Reader, scalar: Scalar | None) -> str:
-    """In which axes components are given: "body" or the ground's; the first of FRAMES where the
-    file does not say."""
-    return FRAMES[0] if scalar is None else reader.word(scalar, FRAMES, "frame") or FRAMES[0]
+def axes(reader: Reader, document: Bodies, scalar: Scalar | None, own: str) -> str:
+    """Along which axes components are: `own`, those of a body, joint or frame by its name, or the
+    ground's, also where the file does not say."""
+    if scalar is None:
+        return GROUND
+    known = (GROUND, own, *map(str, (*document.frames, *document.bodies, *document.joints)))
+    return reader.word(scalar, known, "axes") or GROUND
 
 
 SLACK = {"rest": "length", "length": "rest"}  # where a spring of the other form is slack

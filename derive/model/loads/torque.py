@@ -10,7 +10,7 @@ from derive.model.frames import Names
 from derive.model.keys import Entry, FormulaOrList, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import Torque
-from derive.model.loads.places import frame
+from derive.model.loads.places import axes
 from derive.model.mechanism import some_body
 from derive.model.reader import Reader
 from derive.model.records import Vector3
@@ -26,9 +26,9 @@ class TorqueEntry(Entry):
         description="The torque: one formula in a planar model, three in space.",
         json_schema_extra=term("M", "N*m"),
     )
-    frame: Word | None = Field(
+    frame: Named | None = Field(
         None,
-        description="Frame of the components: ground or body.",
+        description="Axes of the components: ground, body, or a body, joint or frame by name.",
         json_schema_extra=term("axes of M", otherwise="ground"),
     )
     about: Text | None = Field(
@@ -44,7 +44,7 @@ def torque(reader: Reader, document: Bodies, names: Names, key: Key, entry: Torq
         str(key),
         body,
         torque_components(reader, entry.components),
-        frame(reader, entry.frame),
+        axes(reader, document, entry.frame, "body"),
         key.span,
     )
 

@@ -10,12 +10,11 @@ from derive.model.frames import Names
 from derive.model.keys import Entry, FormulaOrList, Formulas, Named, Text, Word, term
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import Wrench
+from derive.model.loads.places import axes
 from derive.model.loads.torque import torque_components
 from derive.model.reader import Reader
 from derive.model.records import GROUND
 from derive.model.scope import NONIDEAL
-
-AXES = ("ground", "frame")
 
 
 class WrenchEntry(Entry):
@@ -36,9 +35,9 @@ class WrenchEntry(Entry):
         description="The moment: one formula in a planar model, three in space.",
         json_schema_extra=term("M", "N*m"),
     )
-    axes: Word | None = Field(
+    axes: Named | None = Field(
         None,
-        description="Axes of the components: ground or frame.",
+        description="Axes of the components: ground, frame, or a body, joint or frame by name.",
         json_schema_extra=term("axes of F and M", otherwise="ground"),
     )
     about: Text | None = Field(
@@ -52,13 +51,12 @@ def wrench(reader: Reader, document: Bodies, names: Names, key: Key, entry: Wren
     if entry.force is None and entry.moment is None:
         reader.report(key.span, f"the wrench '{key}' has no components", "force: or moment:")
     moment = entry.moment
-    axes = AXES[0] if entry.axes is None else reader.word(entry.axes, AXES, "axes")
     return Wrench(
         str(key),
         _frame(reader, document, entry.frame),
         reader.point(entry.force, "a force", "N", NONIDEAL),
         reader.point(None, "") if moment is None else torque_components(reader, moment),
-        axes or AXES[0],
+        axes(reader, document, entry.axes, "frame"),
         key.span,
     )
 

@@ -129,7 +129,7 @@ def _load(scene: Scene, x: Force | Torque) -> list[Note]:
     """At its point, or at the centre of mass."""
     index = scene.index(x.body)
     pose = scene.pose(index)
-    axes = pose.rotation if x.frame == "body" else np.eye(3)
+    axes = pose.rotation if x.frame == "body" else _axes_named(scene, x.frame)
     direction = axes @ _driven_by_ones(scene, x.components)
     if isinstance(x, Force):
         return _force(
@@ -138,12 +138,18 @@ def _load(scene: Scene, x: Force | Torque) -> list[Note]:
     return _moment(scene, pose.point(scene.com(index)), direction, symbol(scene, x.name))
 
 
+def _axes_named(scene: Scene, name: str) -> Vector:
+    """Of the ground, a body, a joint or a frame, as columns in the axes of the ground."""
+    frame = frame_named(scene.model, name)
+    return scene.pose(scene.index(frame.body)).rotation @ own_axes(scene, frame)
+
+
 def _wrench(scene: Scene, x: Wrench) -> list[Note]:
     """At the origin of its frame."""
     frame = frame_named(scene.model, x.frame)
     pose = scene.pose(scene.index(frame.body))
     at = pose.point(scene.numbers.vector(frame.at.position))
-    axes = pose.rotation @ own_axes(scene, frame) if x.axes == "frame" else np.eye(3)
+    axes = _axes_named(scene, x.frame if x.axes == "frame" else x.axes)
     force, moment = (axes @ _driven_by_ones(scene, part) for part in (x.force, x.moment))
     return _force(scene, at, force, symbol(scene, x.name)) + _moment(
         scene, at, moment, symbol(scene, x.name)

@@ -207,7 +207,7 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> _Part:
             return _point_spring(load, place, state)
         case Force():
             arm = state.frames[load.body].point(state.vector(load.point))
-            return _on_body(place, load.body, _wrench(arm, _components(load, state)))
+            return _on_body(place, load.body, _wrench(arm, _components(load, model, state)))
         case Exhaust():
             frame = state.frames[load.body]
             rate = state.value(time_derivative(model, load.mass, state))
@@ -216,7 +216,7 @@ def _load(load: Load, model: Model, place: Layout, state: State) -> _Part:
             return _on_body(place, load.body, _wrench(arm, rate * jet))
         case Torque():
             return _on_body(
-                place, load.body, np.concatenate([_components(load, state), np.zeros(3)])
+                place, load.body, np.concatenate([_components(load, model, state), np.zeros(3)])
             )
         case Contact() | Tension():
             return _touching(load, model, place, state)
@@ -243,9 +243,8 @@ def _at_frame(load: Wrench, model: Model, place: Layout, state: State) -> _Part:
     body = state.frames[frame.body]
     seat, turn = placed(state, frame.at)
     force, moment = state.vector(load.force), state.vector(load.moment)
-    if load.axes == "frame":
-        along = body.rotation @ turn
-        force, moment = along @ force, along @ moment
+    along = body.rotation @ turn if load.axes == "frame" else _axes(load.axes, model, state)
+    force, moment = along @ force, along @ moment
     wrench = _wrench(body.point(seat), force)
     wrench[:3] += moment
     return _on_body(place, frame.body, wrench)
@@ -255,9 +254,17 @@ def _on_body(place: Layout, body: str, wrench: Array) -> _Part:
     return _only() if body == GROUND else _only(other=(place.twist(body), wrench))
 
 
-def _components(load: Force | Torque, state: State) -> Array:
-    components = state.vector(load.components)
-    return state.frames[load.body].rotation @ components if load.frame == "body" else components
+def _components(load: Force | Torque, model: Model, state: State) -> Array:
+    own = load.frame == "body"
+    along = state.frames[load.body].rotation if own else _axes(load.frame, model, state)
+    return along @ state.vector(load.components)
+
+
+def _axes(name: str, model: Model, state: State) -> Array:
+    """Axes of the ground, of a body, a joint or a frame, as columns in those of the ground."""
+    frame = frame_named(model, name)
+    _, turn = placed(state, frame.at)
+    return turn if frame.body == GROUND else state.frames[frame.body].rotation @ turn
 
 
 def _joint_spring(spring: JointSpring, model: Model, state: State) -> _Part:

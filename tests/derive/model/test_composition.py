@@ -210,7 +210,7 @@ def test_a_submodel_is_its_file_under_other_names(tmp_path: Path) -> None:
         + "loads: {near_tendon: {type: spring, joint: near_knee, stiffness: near_k, rest: 10 deg}, "
         'near_push: {type: expression, joint: near_hip, expression: "(2 N*m)*sin(near_bend)"}}\n'
         "inputs: {near_tau: {joint: near_hip}}\n"
-        'outputs: {near_foot: "position(near_shank, [0, -near_l])"}\n'
+        'outputs: {near_foot: "position(near_shank, [0, -near_l], trunk)"}\n'
         "initial: {near_hip: 5 deg, near_bend: -10 deg, near_knee.w: 1 rad/s}\n"
     )
     assert said(model) == said(long)

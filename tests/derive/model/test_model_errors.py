@@ -1242,7 +1242,7 @@ ERRORS = [
     (
         "force_frame",
         ARM + "loads: {f: {type: force, body: b, components: [0, 0], frame: «world}}\n",
-        "unknown frame 'world'",
+        "unknown axes 'world'",
         "ground, body",
         "",
     ),

@@ -376,7 +376,7 @@ def free_parameters(
     library("scipy", "identification", "identify")
     from hamel.verbs.identify import shoot
 
-    return shoot(path, data, names, choice, segments, cutoff)
+    return shoot(path, data, _names(names), choice, segments, cutoff)
 
 
 def excitation(
@@ -456,7 +456,7 @@ def derive(
     """
     from hamel.verbs.derive import run
 
-    return run(path, choice, Path(out or "."), formulation, road, pdf, live)
+    return run(path, choice, Path(out or "."), formulation, _names(road), pdf, live)
 
 
 def book(

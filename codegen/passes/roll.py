@@ -28,13 +28,13 @@ from codegen.program import (
     Table,
     Visit,
 )
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.expressions.scalars import Scalar
 from derive.formulations.records import Function
 from derive.mechanics.loops import records
 from derive.mechanics.loops.records import Recursion
 
-AUTO, NEVER, ALWAYS = ("auto", "never", "always")
+ROLLS = AUTO, NEVER, ALWAYS = ("auto", "never", "always")
 # Links from which loops take less time than what they are unrolled to, scalar and in lanes; with
 # fewer they do where they have no more operations (measured: oblique chains from 8 links on). And
 # links for each kind, for a processor cannot foresee which comes next (60 of 12 kinds take 16 %
@@ -55,6 +55,12 @@ class Loops:
 
     kernel: Kernel
     entries: tuple[Entry, ...]
+
+
+def check_roll(roll: str) -> None:
+    """Raises ModelError for a word that says nothing of loops."""
+    if roll not in ROLLS:
+        raise ModelError(f"roll is '{roll}'", did_you_mean(roll, ROLLS) or f"it is {listed(ROLLS)}")
 
 
 def refusal(function: Function, roll: str, links: int) -> str | None:

@@ -14,7 +14,7 @@
 
    No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
 
-enum { STEP_RK4, STEP_ROSENBROCK, INACCURATE = 13, SENSES = NX + INPUTS };
+enum { STEP_RK4, STEP_ROSENBROCK, INACCURATE = 14, SENSES = NX + INPUTS };
 
 /* From this part on of the largest that an entry is an error leaves no digit of it; what it changes by is less than twice that. */
 #define MEANINGLESS 0.2

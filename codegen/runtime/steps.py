@@ -15,7 +15,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 
 METHODS = ("rk4", "rosenbrock")
-INACCURATE = 13  # the number that the C functions return
+INACCURATE = 14  # the number that the C functions return
 CAUSE = (
     "inaccurate: the estimate of the error leaves no digit of the step; take more substeps, or the "
     "method rosenbrock"

@@ -6,6 +6,7 @@ So errors that the model language finds in a robot are told at the place in the 
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -58,6 +59,7 @@ def load(path: File) -> Model:
     is warned of."""
     if isinstance(path, BuiltModel):
         return model.load_text(path.yaml(), str(path), path.folder)
+    path = path if isinstance(path, RobotFile) else os.fspath(path)
     if Path(path).suffix.lower() in UNREAD:
         raise ModelError(
             f"{path} is an SDF file by its name, which is not read",
@@ -66,7 +68,7 @@ def load(path: File) -> Model:
     if Path(path).suffix.lower() not in ROBOTS:
         if isinstance(path, RobotFile):
             _refuse_options(path)
-        return model.load(str(path))
+        return model.load(os.fspath(path))
     result = imported(path)
     for sentence in result.model.notes:
         warnings.warn(f"{path}: {sentence}", RuntimeWarning, stacklevel=2)

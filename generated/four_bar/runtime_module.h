@@ -24,7 +24,7 @@
 #endif
 
 /* What a function returns. */
-enum { OK, SINGULAR, NOT_CONVERGED, NOT_FINITE, INACCURATE = 13 };
+enum { OK, SINGULAR, NOT_CONVERGED, NOT_FINITE, INACCURATE = 14 };
 
 enum { T, X, U, P, OUT, SLOTS };
 static const char *const slot_names[SLOTS] = {"t", "x", "u", "p", "out"};

@@ -26,6 +26,7 @@ from typing import Any
 
 from codegen.compiler import shared_library
 from codegen.emit import emit, on_request, sealed
+from codegen.passes.roll import check_roll
 from codegen.program import Program
 from codegen.seal import DERIVATION, VERIFICATION
 from derive.diagnostics import ToolchainError
@@ -59,6 +60,7 @@ def build(
     """
     options = options or BuildOptions()
     on_request(options.targets)  # a name that is none is said before anything is derived
+    check_roll(options.roll)
     clock = Clock()
     key = file_key(path, options.said())
 

@@ -181,6 +181,11 @@ def listed(names: Iterable[str], most: int = NAMES) -> str:
     return ", ".join(known[:most]) + (f", … ({len(known)} in all)" if len(known) > most else "")
 
 
+def counted(number: int, one: str, many: str = "") -> str:
+    """ "1 joint", "3 joints"."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
 def _letters(name: str) -> str:
     """What is left of a name where neither case nor separators count."""
     return name.casefold().translate(SEPARATORS)

@@ -14,10 +14,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from derive.diagnostics import counted
 from derive.robots.couplings import groups
 from derive.robots.limits import REST, SMOOTHING
 from derive.robots.numbers import written
-from derive.robots.robot import GROUND, ONE_RATE, Body, Joint, Robot, counted
+from derive.robots.robot import GROUND, ONE_RATE, Body, Joint, Robot
 
 Array = NDArray[np.float64]
 

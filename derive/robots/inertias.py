@@ -15,8 +15,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from derive.diagnostics import counted
 from derive.robots.limits import NOISE, SLACK, TRIANGLE
-from derive.robots.robot import GROUND, Body, Joint, Robot, counted
+from derive.robots.robot import GROUND, Body, Joint, Robot
 from derive.robots.rotations import IDENTITY, Matrix, product, transposed, turned_tensor
 
 

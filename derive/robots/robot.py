@@ -185,8 +185,3 @@ class Reading:
 def quoted(text: str) -> str:
     """A name of the file as a comment can show it, on one line."""
     return repr(text if len(text) <= 80 else text[:79] + "…").replace("\\x", "\\u00")
-
-
-def counted(number: int, one: str, many: str = "") -> str:
-    """ "1 joint", "3 joints"."""
-    return f"{number} {one if number == 1 else many or one + 's'}"

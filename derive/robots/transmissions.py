@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import isfinite
 
-from derive.diagnostics import listed
+from derive.diagnostics import counted, listed
 from derive.robots.markup import Element
 from derive.robots.numbers import scalar, written
-from derive.robots.robot import ONE_RATE, Joint, Reading, Robot, counted, quoted
+from derive.robots.robot import ONE_RATE, Joint, Reading, Robot, quoted
 
 
 def read_transmissions(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from derive.diagnostics import listed
+from derive.diagnostics import counted, listed
 from derive.robots.couplings import check_coupled_masses
 from derive.robots.markup import Element
 from derive.robots.naming import is_ambiguous, legal
@@ -21,7 +21,6 @@ from derive.robots.robot import (
     Joint,
     Reading,
     Robot,
-    counted,
     quoted,
 )
 from derive.robots.rotations import (

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from derive.diagnostics import counted
 from derive.robots.reading import load
-from derive.robots.robot import counted
 from derive.states.initial import initial_state
 from hamel.build.stages import mechanics_of, usable_choices
 from hamel.records import Checked

@@ -6,9 +6,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import ModelError, counted
 from derive.robots.reading import imported
-from derive.robots.robot import counted
 from hamel.build.files import write_text
 from hamel.records import Imported
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from derive.diagnostics import did_you_mean, listed
+from derive.diagnostics import counted, did_you_mean, listed
 from derive.robots.markup import Budget, Element
 from derive.robots.mjcf.actuators import actuators, rotors
 from derive.robots.mjcf.bodies import Scene, walk
@@ -15,7 +15,7 @@ from derive.robots.mjcf.settings import included, settings
 from derive.robots.mjcf.sites import sites
 from derive.robots.mjcf.tendons import tendons
 from derive.robots.mjcf.ties import equalities
-from derive.robots.robot import Reading, Robot, counted
+from derive.robots.robot import Reading, Robot
 
 READ = ("compiler", "option", "default", "worldbody", "equality", "tendon", "actuator")
 NOT_NEEDED = ("asset", "contact", "custom", "keyframe", "sensor", "size", "statistic", "visual")

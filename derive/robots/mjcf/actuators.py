@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+from derive.diagnostics import counted
 from derive.robots.markup import Element
 from derive.robots.mjcf.bodies import Scene
 from derive.robots.mjcf.forces import Transmission, by_formula, coefficient, joint_of, load, times
@@ -20,7 +21,7 @@ from derive.robots.mjcf.reference import felt_by_line, felt_inertia
 from derive.robots.mjcf.settings import completed
 from derive.robots.mjcf.tendons import Line, Tendons, pull, tension_of
 from derive.robots.numbers import listing, scalar, written
-from derive.robots.robot import ONE_RATE, Entry, Joint, Reading, counted
+from derive.robots.robot import ONE_RATE, Entry, Joint, Reading
 from derive.robots.rotations import rotated
 
 CLAMPS = ("ctrlrange", "forcerange", "actrange")

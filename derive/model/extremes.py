@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import re
+
 from derive.expressions.tree import Expression
 from derive.model.document import Key, Scalar
 from derive.model.limits import RTOL
 from derive.model.motions import state_name
+from derive.model.names import cut
 from derive.model.reader import Reader
 from derive.model.records import Extreme
 from derive.model.study_entries import ExtremeEntry
 
+NAME = re.compile(r"\w[\w.-]{0,79}")  # nothing is generated from it: any name of a file will do
 INTEGRATOR, REAL = "dop853", "float64"  # where a case says nothing
 
 
 def extremes(reader: Reader, key: Key, entry: ExtremeEntry) -> Extreme:
     """One entry of `extremes:`."""
-    reader.name(key)
+    if not NAME.fullmatch(key):
+        reader.report(
+            key.span,
+            f"{cut(key)!r} is no name of a case",
+            "letters, digits, and dots, hyphens and underscores after the first of them",
+        )
     if entry.refused and (entry.end or entry.tolerance):
         reader.report(
             entry.refused.span,

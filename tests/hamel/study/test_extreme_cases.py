@@ -125,6 +125,25 @@ def test_a_case_is_a_motion_or_has_spoiled_arguments(
         load(path)
 
 
+@pytest.mark.parametrize(
+    ("name", "right"),
+    [
+        *((name, True) for name in ("auto", "double", "1e-9.first", "größe")),
+        *((name, False) for name in ("a b", "../a", ".a", "x" * 81)),
+    ],
+)
+def test_a_case_has_a_name_that_files_can_have(tmp_path: Path, name: str, right: bool) -> None:
+    """No code is generated from it, so that a word of C is as good as any other."""
+    path = tmp_path / "named.yaml"
+    text = (MODELS / "extremes" / "slow_drive.yaml").read_text()
+    path.write_text(f'{text}  "{name}": {{spoiled: all}}\n', "utf-8")
+    if right:
+        assert load(path).extremes[-1].name == name
+        return
+    with pytest.raises(ModelError, match="is no name of a case"):
+        load(path)
+
+
 def test_what_a_case_is_computed_in(tmp_path: Path) -> None:
     path = tmp_path / "half.yaml"
     text = (MODELS / "extremes" / "tumbling.yaml").read_text()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections import Counter
 from collections.abc import Sequence
 
+from derive.diagnostics import counted
 from hamel.study.front import (
     LEVELS,
     NOISE,
@@ -18,26 +21,46 @@ from hamel.study.front import (
     method,
 )
 from hamel.study.judgement import Reference
-from hamel.study.limits import MOST_BROKEN, WORTH
+from hamel.study.limits import FAR, MOST, MOST_BROKEN, NEARBY, WORTH
 from hamel.study.runs import TOO_LONG
 
 NUMBER = re.compile(r"[-+.\de]*\d")  # in a reason
 
 
-def advice(rows: Sequence[Row], reference: Reference) -> list[str]:
+def advice(rows: Sequence[Row], reference: Reference, unmade: str = "") -> list[str]:
     """Sentences: the method to take, what the others cost, what holds the constraints, what broke,
-    what to believe."""
+    what to believe. `unmade`: why no run was made at all."""
+    if unmade:
+        return [f"No run was made: {unmade}."]
     own = [row for row in rows if not is_library(row)]
-    level = next(
-        (x for x in (WORTH, *reversed(LEVELS), 1e-2) if x <= 1e-2 and cheapest(own, x)), None
-    )
+    judged = own or rows  # where libraries alone were asked for, they are what there is
+    levels = (WORTH, *reversed(LEVELS), MOST)
+    level = next((x for x in levels if x <= MOST and cheapest(judged, x)), None)
     if reference.doubt:
         lines = [f"No error can be given: {reference.doubt}. {_remedy(reference)}".strip()]
     elif level is None:
-        lines = ["No run reached a usable error; the reasons are in the table of what broke."]
+        lines = [_none_usable(judged)]
     else:
-        lines = [*_recommended(own, level), *_others(rows, level), *_enforcement_lines(own, level)]
+        lines = [
+            *_recommended(judged, level),
+            *_others(rows, judged, level),
+            *_enforcement_lines(judged, level),
+        ]
     return [*lines, *broken(own)]
+
+
+def _none_usable(rows: Sequence[Row]) -> str:
+    """How runs ended none of which is good enough; of those that broke there is more to say."""
+    of_each = Counter(row["status"] for row in rows)
+    told = {
+        TOO_LONG: "took too long",
+        "too coarse": f"had an error above {FAR:g}",
+        "ok": f"had an error above {MOST:g}",
+    }
+    parts = [f"{of_each[status]} {words}" for status, words in told.items() if of_each[status]]
+    rest = sum(count for status, count in of_each.items() if status not in told)
+    parts += [f"{rest} broke off or {'was' if rest == 1 else 'were'} wrong"] if rest else []
+    return f"No run reached a usable error: of {counted(len(rows), 'run')} {', '.join(parts)}."
 
 
 def _remedy(reference: Reference) -> str:
@@ -60,25 +83,60 @@ def _recommended(own: Sequence[Row], level: float) -> list[str]:
     return lines
 
 
-def _others(rows: Sequence[Row], level: float) -> list[str]:
+def _others(rows: Sequence[Row], judged: Sequence[Row], level: float) -> list[str]:
     own = [row for row in rows if not is_library(row)]
-    best = cheapest(own, level)
+    best = cheapest(judged, level)
     groups = {
         "the quasi-velocity equations": [r for r in own if not is_traditional(r)],
         "the traditional equations": [r for r in own if is_traditional(r)],
         "the best library solver": [r for r in rows if is_library(r)],
     }
-    parts = []
-    for name, group in groups.items():
-        other = cheapest(group, level)
-        if best is None or other is best or not group:
-            continue
-        if other is None:
-            parts.append(f"{name} did not reach that error")
-        else:
-            parts.append(f"{name} {_slower(other['ms'] / best['ms'])} ({method(other)})")
+    parts = [
+        f"{name} {_against(group, judged, level)}"
+        for name, group in groups.items()
+        if group and not any(row is best for row in group)
+    ]
     text = "; ".join(parts)
     return [f"{text[0].upper()}{text[1:]}."] if parts else []
+
+
+def _against(group: Sequence[Row], judged: Sequence[Row], level: float) -> str:
+    """What the methods of a group take, in words, at an error that they came to themselves: with
+    few tolerances one that just misses a level would be blamed for all that the next one takes."""
+    pair = rivals(group, judged, level)
+    if pair is None:
+        return "reached no usable error" if not good(group) else "had no run to compare with"
+    row, fastest = pair
+    ratio, error = _slower(row["ms"] / fastest["ms"]), f"an error of {row['error']:.1e}"
+    if row["error"] > NEARBY * level:
+        return f"came no nearer than {error}, for which it {ratio} ({method(row)})"
+    return f"{ratio} at {error} ({method(row)})"
+
+
+def rivals(group: Sequence[Row], judged: Sequence[Row], level: float) -> tuple[Row, Row] | None:
+    """Of the best method of a group the run whose error is nearest to the level, and the fastest
+    run of all that is as exact; None where no run is."""
+    pairs: list[tuple[Row, Row]] = []
+    for rows in families(
+        good(group), "formulation", "choice", "enforcement", "integrator"
+    ).values():
+        matched = [row for row in rows if cheapest(judged, row["error"])]
+        if matched:
+            row = min(matched, key=lambda each: _decades(each, level))
+            fastest = cheapest(judged, row["error"])
+            assert fastest is not None  # or it would not be matched
+            pairs.append((row, fastest))
+    return min(pairs, key=lambda pair: _rank(pair[0], pair[1], level), default=None)
+
+
+def _rank(row: Row, fastest: Row, level: float) -> tuple[bool, float]:
+    """Those near the level first, then the faster ones."""
+    return _decades(row, level) > math.log10(NEARBY), row["ms"] / fastest["ms"]
+
+
+def _decades(row: Row, level: float) -> float:
+    """Between the error of a run and a level."""
+    return abs(math.log10(row["error"] / level))
 
 
 def _slower(ratio: float) -> str:
@@ -127,7 +185,9 @@ def broken(own: Sequence[Row]) -> list[str]:
         methods = families(rows, "formulation", "choice").values()
         total = sum(len(_alike(own, group)) for group in methods)
         which = ", ".join(_where(own, group) for group in methods)
-        lines.append((len(rows), f"{rows[0]['cause']}: {len(rows)} of {total} runs: {which}."))
+        lines.append(
+            (len(rows), f"{rows[0]['cause']}: {len(rows)} of {counted(total, 'run')}: {which}.")
+        )
     lines.sort(key=lambda line: -line[0])
     more = (
         [f"{len(lines) - MOST_BROKEN} more kinds of failures are in the tables."]

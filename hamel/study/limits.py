@@ -4,6 +4,8 @@ from __future__ import annotations
 
 # advice
 WORTH = 1e-8  # the error the advice is about, where it is reached
+MOST = 1e-2  # the largest error that anything is advised for
+NEARBY = 10.0  # times an error: methods that come this near to it are compared first
 MOST_BROKEN = 6  # reasons of failed runs that are listed
 
 # extremes

@@ -11,6 +11,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from derive.diagnostics import counted
 from derive.textbook.pages import rendered
 from hamel.records import ExtremeRow
 from hamel.study.advice import advice
@@ -78,7 +79,8 @@ def _section(study: Study) -> dict[str, Any]:
     over_time = time_charts(study.model, study.tracks, study.reference.exchanged)
     return {
         "study": study,
-        "advice": advice(rows, study.reference),
+        "advice": advice(rows, study.reference, study.unmade),
+        "runs": counted(len(rows), "run"),
         "charts": [
             Markup(each)
             for each in (*error_charts(study.model, rows), estimate_chart(study.model, rows))
@@ -176,7 +178,7 @@ def outcomes(rows: Sequence[ExtremeRow]) -> str:
     for row in rows:
         counts[row.outcome] = counts.get(row.outcome, 0) + 1
     text = ", ".join(f"{count} {name}" for name, count in counts.items())
-    return f"{len(rows)} extreme cases: {text}"
+    return f"{counted(len(rows), 'extreme case')}: {text}"
 
 
 def _compared(rows: Sequence[Row]) -> float | None:
@@ -236,7 +238,7 @@ def summary(study: Study, compare: Sequence[str] = ()) -> Mapping[str, Any]:
         "file": study.file,
         "time": study.span,
         "reference": {"by": list(reference.by), "bound": reference.bound, "doubt": reference.doubt},
-        "advice": advice(study.rows, reference),
+        "advice": advice(study.rows, reference, study.unmade),
         "compared": verdict(study.rows, compare) if compare else [],
         "front": [f"{method(row)}, {accuracy(row)}" for row in front(study.rows)],
         "libraries": sorted({row["integrator"] for row in study.rows if is_library(row)}),

@@ -27,6 +27,7 @@ from derive.model.records import CHOICE_KINDS
 DEFAULT = "quasi_velocities"
 TIGHTEST, LOOSEST = 12, 4
 COUNTS = (3, 10, 30, 100, 300)  # equal steps, as multiples of those of dop853 at rtol 1e-6
+LIBRARIES = "libraries"  # among the integrators that are asked for: all library solvers
 SCIPY = ("scipy_dop853", "scipy_radau")
 SOLVERS = (
     (DEFAULT, ("cvodes", *SCIPY)),
@@ -93,6 +94,8 @@ def plan(system: System, asked: Restrictions) -> Plan:
         if formulation.name == DEFAULT or (formulations and formulation.name not in formulations):
             continue
         reason = misfits(system)[formulation.name]
+        if formulation.chooses and not choices:
+            reason = reason or "none of the choices that were asked for fits"
         if reason:
             excluded.append(Excluded(formulation.name, "", "", "", reason))
         else:
@@ -265,6 +268,16 @@ def missing_libraries() -> dict[str, str]:
     return (
         {} if importlib.util.find_spec("scipy") else dict.fromkeys(SCIPY, "SciPy is not installed")
     )
+
+
+def without_libraries(units: Sequence[Unit]) -> list[Excluded]:
+    """Where none of the formulations is one that library solvers run on, what to say of it."""
+    on = [formulation for formulation, _ in SOLVERS]
+    if any(unit.formulation in on for unit in units):
+        return []
+    reason = f"library solvers run on the formulations {' and '.join(on)} only"
+    names = dict.fromkeys(unit.formulation for unit in units)
+    return [Excluded(name, "", "", LIBRARIES, reason) for name in names]
 
 
 def library_runs(solver: str, tolerances: Sequence[float]) -> list[dict[str, Any]]:

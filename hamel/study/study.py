@@ -3,11 +3,10 @@ that two tight runs agree on."""
 
 from __future__ import annotations
 
-import itertools
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,8 @@ from codegen.integrators import INTEGRATORS
 from derive.formulations.charts import BETWEEN
 from hamel.engines import Engine
 from hamel.study import libraries, modules, plan, runs
-from hamel.study.budget import Budget, budget_of
 from hamel.study.judgement import Judge, Reference, agreed
 from hamel.study.limits import (
-    BUILD_LIMIT,
     EXACT_LIMIT,
     EXACT_PARTS,
     EXACT_SHARE,
@@ -28,29 +25,26 @@ from hamel.study.limits import (
     TRACKED,
 )
 from hamel.study.plan import DEFAULT, Excluded, Restrictions, Unit
+from hamel.study.progress import (
+    TIGHT,
+    Case,
+    Progress,
+    Wanted,
+    buildable,
+    built_name,
+    ensure,
+    name_of,
+    note_late,
+    ready_of,
+    simulation,
+    used_up,
+    why_none,
+)
 from hamel.study.results import Results
 from hamel.study.runs import TOO_LONG
 from hamel.study.series import Outcome, Task
 
-# Of the two runs of the reference: two integrators on two formulations, so that they share no error
-# of discretisation. The second pair is tried where the first takes too long.
-TIGHT = ((("dop853", 1e-14), ("dopri5", 1e-14)), (("radau", 1e-11), ("dop853", 1e-11)))
-
 GOES_ANYWHERE = "orthonormal"  # the choice that is regular wherever the constraint rows are
-
-
-@dataclass(frozen=True)
-class Case:
-    """A model file with its settings, over `span` seconds."""
-
-    path: str
-    values: Mapping[str, float | str]
-    span: float
-
-    @property
-    def start(self) -> dict[str, Any]:
-        """What a worker process needs to read the model again: the path and the settings."""
-        return {"path": self.path, "values": dict(self.values)}
 
 
 @dataclass(frozen=True)
@@ -64,26 +58,9 @@ class Study:
     rows: tuple[dict[str, Any], ...]
     excluded: tuple[Excluded, ...]
     tracks: tuple[dict[str, Any], ...]
+    planned: int  # runs, made or not
+    unmade: str  # why there is none, where none was made
     seconds: float
-
-
-@dataclass
-class Progress:
-    """What is known so far of a model's units."""
-
-    case: Case
-    asked: Restrictions
-    workers: Engine
-    results: Results
-    folder: Path
-    advance: Callable[[float, float], None]  # done, of
-    excluded: list[Excluded] = field(default_factory=list)
-    budget: Budget = field(init=False)
-    ready: dict[Unit, str] = field(default_factory=dict)  # folders of modules
-    places: Iterator[int] = field(default_factory=itertools.count)  # each folder is used once
-
-    def __post_init__(self) -> None:
-        self.budget = budget_of(self.asked.budget)
 
 
 def study(
@@ -101,8 +78,8 @@ def study(
     so_far = Progress(
         case, asked, workers, Results(case.path, options), folder, advance, [*planned.excluded]
     )
-    units = _built(so_far, planned.units)
-    units += _built(so_far, _charts(so_far, units))
+    units = buildable(so_far, planned.units)
+    units += buildable(so_far, _charts(so_far, units))
     judge = Judge(start.system, _reference(so_far, units), case.span)
     wanted = _runs(so_far, units, judge.reference.scale)
     _measure(so_far, wanted, MEASURED_SHARE)
@@ -118,98 +95,10 @@ def study(
         rows=tuple(rows),
         excluded=tuple(so_far.excluded),
         tracks=tuple(tracks),
+        planned=len(rows) + so_far.late,
+        unmade="" if rows else why_none(so_far),
         seconds=time.monotonic() - before,
     )
-
-
-# ---- modules
-
-
-def _name(unit: Unit, *more: str) -> str:
-    return "|".join((unit.formulation, unit.choice, unit.own, *more))
-
-
-def _integrators(asked: Restrictions) -> list[str]:
-    """What modules are built with: the integrators asked for, those of the reference solution, and
-    the first, which shows violations over time."""
-    exact = [name for pair in TIGHT for name, _ in pair]
-    wanted = {*asked.integrators, INTEGRATORS[0].name, *exact}
-    return [x.name for x in INTEGRATORS if not asked.integrators or x.name in wanted]
-
-
-def _built_name(so_far: Progress, unit: Unit) -> str:
-    """Of what is known of a unit's module: another one with other integrators in it."""
-    return _name(unit, "built", *(_integrators(so_far.asked) if so_far.asked.integrators else ()))
-
-
-def _built(so_far: Progress, units: Sequence[Unit]) -> list[Unit]:
-    """The units that can be built, known or built now; the others are noted with their reasons."""
-    _ensure(
-        so_far,
-        [unit for unit in units if _built_name(so_far, unit) not in so_far.results],
-    )
-    good = []
-    for unit in units:
-        late = {
-            "refused": f"not built: the {so_far.asked.budget:g} s for modules were used up; "
-            "the same command goes on"
-        }
-        about: dict[str, Any] = so_far.results.get(_built_name(so_far, unit)) or late
-        if "refused" in about:
-            so_far.excluded.append(
-                Excluded(unit.formulation, unit.choice, unit.own, "", about["refused"])
-            )
-        else:
-            good.append(unit)
-            so_far.excluded += [
-                Excluded(unit.formulation, unit.choice, k, "", why)
-                for k, why in about["misfits"].items()
-            ]
-            so_far.excluded += [
-                Excluded(unit.formulation, unit.choice, "", integrator, why)
-                for integrator, why in about["unfit"].items()
-            ]
-    return good
-
-
-def _ensure(so_far: Progress, units: Sequence[Unit], needed: bool = False) -> None:
-    """Modules on disk for these units; those that are not ready when the seconds for them are over
-    are left, but for two, unless they are `needed`."""
-    missing = [unit for unit in dict.fromkeys(units) if unit not in so_far.ready]
-    series = [[_building(so_far, unit)] for unit in missing]
-
-    def ready() -> float:
-        return 0 if needed else len(so_far.ready)
-
-    with closing(so_far.budget.built(so_far.workers, series, ready)) as finished:
-        for outcome in finished:
-            unit = outcome.task.subject
-            name = _built_name(so_far, unit)
-            if outcome.status == "done":
-                so_far.ready[unit] = outcome.task.arguments["folder"]
-                so_far.results.put(name, outcome.value)
-            elif outcome.reason:
-                so_far.results.put(name, {"refused": outcome.reason})
-
-
-def _ready(so_far: Progress, missing: Wanted) -> Wanted:
-    """Of runs that are missing those whose modules are on disk, built now where there is time."""
-    _ensure(so_far, [unit for unit, _ in missing])
-    return [(unit, run) for unit, run in missing if unit in so_far.ready]
-
-
-def _building(so_far: Progress, unit: Unit) -> Task:
-    """Builds the module of a unit, in a folder of its own."""
-    place = str(so_far.folder / f"unit{next(so_far.places)}" / "module")
-    case = so_far.case
-    arguments = {
-        **case.start,
-        "unit": unit.about,
-        "span": case.span,
-        "folder": place,
-        "integrators": _integrators(so_far.asked),
-    }
-    return Task(modules.module, arguments, BUILD_LIMIT + GRACE, unit)
 
 
 # ---- reference
@@ -243,11 +132,7 @@ def _reference(so_far: Progress, units: Sequence[Unit]) -> Reference:
             break
     reference = agreed(references)
     late = so_far.budget.runs < (1.0 - EXACT_SHARE) * so_far.budget.seconds
-    return replace(reference, doubt=_used_up(so_far)) if reference.doubt and late else reference
-
-
-def _used_up(so_far: Progress) -> str:
-    return f"the {so_far.asked.budget:g} s for this model were used up; the same command goes on"
+    return replace(reference, doubt=used_up(so_far)) if reference.doubt and late else reference
 
 
 def _first_exact(
@@ -266,14 +151,14 @@ def _first_exact(
 def _exact(
     so_far: Progress, units: Sequence[Unit], integrator: str, rtol: float
 ) -> list[tuple[str, dict[str, Any]]]:
-    names = {unit: _name(unit, "exact", integrator, f"{rtol:.0e}") for unit in units}
+    names = {unit: name_of(unit, "exact", integrator, f"{rtol:.0e}") for unit in units}
     limit = min(EXACT_LIMIT, so_far.asked.budget / EXACT_PARTS)
     missing = [unit for unit in units if not _is_tried(so_far.results.get(names[unit]), limit)]
-    _ensure(so_far, missing, needed=True)
+    ensure(so_far, missing, needed=True)
     series = []
     for unit in missing:
         run = {"enforcement": _usual(so_far, unit), "integrator": integrator, "rtol": rtol}
-        arguments = {**_simulation(so_far, unit, run), "limit": limit}
+        arguments = {**simulation(so_far, unit, run), "limit": limit}
         series.append([Task(runs.exact, arguments, EXACT_LIMIT + GRACE, unit)])
     for outcome in so_far.budget.ran(so_far.workers, series, share=0.0):
         if outcome.status in ("done", "refused"):
@@ -292,23 +177,16 @@ def _is_tried(end: Mapping[str, Any] | None, limit: float) -> bool:
     return end.get("limit", EXACT_LIMIT) >= 0.99 * limit
 
 
-def _simulation(so_far: Progress, unit: Unit, run: Mapping[str, Any]) -> dict[str, Any]:
-    """What every run of a unit's module is told."""
-    case = so_far.case
-    return {**case.start, "folder": so_far.ready[unit], "span": case.span, "run": run}
-
-
 def _title(unit: Unit) -> str:
     return f"{unit.formulation} ({unit.choice})" if unit.choice else unit.formulation
 
 
 def _usual(so_far: Progress, unit: Unit) -> str:
-    return so_far.results[_built_name(so_far, unit)]["enforcements"][0]
+    return so_far.results[built_name(so_far, unit)]["enforcements"][0]
 
 
 # ---- rows
 
-Wanted = list[tuple[Unit, dict[str, Any]]]
 Made = list[tuple[Unit, dict[str, Any], dict[str, Any]]]
 
 
@@ -320,7 +198,7 @@ def _runs(so_far: Progress, units: Sequence[Unit], scale: int) -> Wanted:
         {units[0], *(unit for unit in units if unit.formulation == "augmented")} if units else set()
     )
     for unit in units:
-        built = so_far.results[_built_name(so_far, unit)]
+        built = so_far.results[built_name(so_far, unit)]
         planned = plan.runs(asked, built["enforcements"], unit in compared, scale)
         wanted += [(unit, run) for run in planned if run["integrator"] in built["integrators"]]
     return sorted(
@@ -336,10 +214,10 @@ def _measure(so_far: Progress, wanted: Wanted, part: float = 1.0) -> None:
     missing = [
         (unit, run)
         for unit, run in wanted
-        if not _is_known(so_far.results.get(_name(unit, run["key"])), limit)
+        if not _is_known(so_far.results.get(name_of(unit, run["key"])), limit)
     ]
     done = len(wanted) - len(missing)
-    series = _families(so_far, _ready(so_far, missing), limit, share)
+    series = _families(so_far, ready_of(so_far, missing), limit, share)
     with closing(so_far.budget.ran(so_far.workers, series, _is_hopeless, part)) as finished:
         for outcome in finished:
             done += _put(so_far, outcome, limit)
@@ -362,7 +240,7 @@ def _families(so_far: Progress, missing: Wanted, limit: float, share: float) -> 
     for (unit, _, _), members in families.items():
         keys, tasks = [run["key"] for run in members], []
         for number, run in enumerate(members):
-            arguments = {**_simulation(so_far, unit, run), "limit": limit, "share": share}
+            arguments = {**simulation(so_far, unit, run), "limit": limit, "share": share}
             tasks.append(Task(runs.row, arguments, GRACE + 10 * limit, (unit, keys[number:])))
         series.append(tasks)
     return series
@@ -384,12 +262,12 @@ def _put(so_far: Progress, outcome: Outcome, limit: float) -> int:
     unit, keys = outcome.task.subject
     row = _row(outcome)
     if not _is_hopeless(outcome):
-        so_far.results.put(_name(unit, keys[0]), row)
+        so_far.results.put(name_of(unit, keys[0]), row)
         return 1
     rest = {"status": row["status"]}
     for key, value in zip(keys, [row, *[rest] * (len(keys) - 1)]):
         late = {"limit": limit} if row["status"] == TOO_LONG else {}
-        so_far.results.put(_name(unit, key), {**value, **late})
+        so_far.results.put(name_of(unit, key), {**value, **late})
     return len(keys)
 
 
@@ -398,32 +276,21 @@ def _collected(so_far: Progress, wanted: Wanted) -> Made:
     results: Made = []
     late: dict[Unit, int] = {}
     for unit, run in wanted:
-        row = so_far.results.get(_name(unit, run["key"]))
+        row = so_far.results.get(name_of(unit, run["key"]))
         if row is None:
             late[unit] = late.get(unit, 0) + 1
             continue
-        operations = so_far.results[_built_name(so_far, unit)]["operations"]
+        operations = so_far.results[built_name(so_far, unit)]["operations"]
         results.append((unit, run, {**row, "operations": operations}))
-    _note_late(so_far, late)
+    note_late(so_far, late)
     return results
-
-
-def _note_late(so_far: Progress, late: Mapping[Unit, int], integrator: str = "") -> None:
-    """Runs of units that there was no time for."""
-    for unit, count in late.items():
-        reason = f"{_runs_of(count)} not done: {_used_up(so_far)}"
-        names = (unit.formulation, unit.choice, unit.own, integrator)
-        so_far.excluded.append(Excluded(*names, reason))
-
-
-def _runs_of(count: int) -> str:
-    return "1 run" if count == 1 else f"{count} runs"
 
 
 def _library_rows(so_far: Progress, units: Sequence[Unit]) -> Made:
     """CVODES, IDAS, and SciPy's solvers on the default choice and on the augmented equations."""
-    if so_far.asked.integrators and "libraries" not in so_far.asked.integrators:
+    if so_far.asked.integrators and plan.LIBRARIES not in so_far.asked.integrators:
         return []
+    so_far.excluded += plan.without_libraries(units)
     missing, wanted = plan.missing_libraries(), []
     for formulation, solvers in plan.SOLVERS:
         fitting = (unit for unit in units if unit.formulation == formulation and not unit.own)
@@ -436,39 +303,41 @@ def _library_rows(so_far: Progress, units: Sequence[Unit]) -> Made:
             else:
                 tolerances = so_far.asked.tolerances
                 wanted += [(unit, run) for run in plan.library_runs(solver, tolerances)]
-    _run_libraries(so_far, [(u, r) for u, r in wanted if _name(u, r["key"]) not in so_far.results])
+    _run_libraries(
+        so_far, [(u, r) for u, r in wanted if name_of(u, r["key"]) not in so_far.results]
+    )
     late: dict[str, dict[Unit, int]] = {}
     for unit, run in wanted:
-        if _name(unit, run["key"]) not in so_far.results:
+        if name_of(unit, run["key"]) not in so_far.results:
             counts = late.setdefault(run["integrator"], {})
             counts[unit] = counts.get(unit, 0) + 1
     for solver, counts in late.items():
-        _note_late(so_far, counts, solver)
+        note_late(so_far, counts, solver)
     return [
-        (unit, run, so_far.results[_name(unit, run["key"])])
+        (unit, run, so_far.results[name_of(unit, run["key"])])
         for unit, run in wanted
-        if _name(unit, run["key"]) in so_far.results
+        if name_of(unit, run["key"]) in so_far.results
     ]
 
 
 def _run_libraries(so_far: Progress, missing: Wanted) -> None:
     """One solver on one unit's equations after the other, loose tolerances first."""
     families: dict[tuple[Unit, str], list[dict[str, Any]]] = {}
-    for unit, run in _ready(so_far, missing):
+    for unit, run in ready_of(so_far, missing):
         families.setdefault((unit, run["integrator"]), []).append(run)
     series = []
     for (unit, _), members in families.items():
         keys, tasks = [run["key"] for run in members], []
         for number, run in enumerate(members):
-            arguments = {**_simulation(so_far, unit, run), "unit": unit.about}
+            arguments = {**simulation(so_far, unit, run), "unit": unit.about}
             tasks.append(Task(libraries.row, arguments, GRACE, (unit, keys[number:])))
         series.append(tasks)
     for outcome in so_far.budget.ran(so_far.workers, series, _is_slow):
         unit, (key, *rest) = outcome.task.subject
-        so_far.results.put(_name(unit, key), _row(outcome))
+        so_far.results.put(name_of(unit, key), _row(outcome))
         for other in rest if _is_slow(outcome) else ():
             status = TOO_LONG if outcome.status == "done" else _row(outcome)["status"]
-            so_far.results.put(_name(unit, other), {"status": status})
+            so_far.results.put(name_of(unit, other), {"status": status})
 
 
 def _is_slow(outcome: Outcome) -> bool:
@@ -483,7 +352,7 @@ def _tracks(so_far: Progress, units: Sequence[Unit]) -> list[dict[str, Any]]:
     any."""
     wanted = []
     for unit in units:
-        known = so_far.results[_built_name(so_far, unit)]["enforcements"]
+        known = so_far.results[built_name(so_far, unit)]["enforcements"]
         enforcements = [
             enforcement
             for enforcement in known
@@ -493,7 +362,7 @@ def _tracks(so_far: Progress, units: Sequence[Unit]) -> list[dict[str, Any]]:
             wanted += [(unit, enforcement) for enforcement in enforcements]
         elif unit.formulation == "augmented":
             wanted += [(unit, enforcement) for enforcement in enforcements if enforcement == "none"]
-    names = {key: _name(key[0], "track", key[1]) for key in wanted}
+    names = {key: name_of(key[0], "track", key[1]) for key in wanted}
     _track(so_far, {key: name for key, name in names.items() if name not in so_far.results})
     known = [
         (unit, enforcement, so_far.results.get(name)) for (unit, enforcement), name in names.items()
@@ -508,21 +377,21 @@ def _tracks(so_far: Progress, units: Sequence[Unit]) -> list[dict[str, Any]]:
 def _track(so_far: Progress, missing: Mapping[tuple[Unit, str], str]) -> None:
     """Those of these units and enforcements, under their names; what there is no time for is
     noted."""
-    _ensure(so_far, [unit for unit, _ in missing])
+    ensure(so_far, [unit for unit, _ in missing])
     late, series = dict(missing), []
     for key, name in missing.items():
         unit, enforcement = key
         if unit not in so_far.ready:
             continue
         run = {"enforcement": enforcement, "integrator": INTEGRATORS[0].name, "rtol": TRACKED}
-        arguments = {**_simulation(so_far, unit, run), "limit": TRACK_LIMIT}
+        arguments = {**simulation(so_far, unit, run), "limit": TRACK_LIMIT}
         series.append([Task(runs.track, arguments, GRACE, (key, name))])
     for outcome in so_far.budget.ran(so_far.workers, series):
         key, name = outcome.task.subject
         late.pop(key)
         if outcome.status == "done":
             so_far.results.put(name, outcome.value)
-    reason = f"violations over time not drawn: {_used_up(so_far)}"
+    reason = f"violations over time not drawn: {used_up(so_far)}"
     so_far.excluded += [
         Excluded(unit.formulation, unit.choice, enforcement, "", reason)
         for unit, enforcement in late

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import ModelError, counted
 from hamel.records import Extremes
 from hamel.show import number, table
 from hamel.study.extremes import extremes_table
@@ -42,17 +42,16 @@ def show(record: Extremes, console: Console) -> None:
     rows = []
     for row in record.rows:
         text = row.status if row.error is None else f"error {number(row.error)}"
-        text += (
-            f"; {row.fewest} steps, SciPy's Radau {row.scipy}" if row.fewest and row.scipy else ""
-        )
+        if row.fewest and row.scipy:
+            text += f"; {counted(row.fewest, 'step')}, SciPy's Radau {row.scipy}"
         mark = "" if row.passed else f"  NOT EXPECTED ({row.expected})"
         rows.append(
             (f"{row.model}: {row.case}", row.method, row.outcome + mark, text, row.judged_by)
         )
     table(console, ("case", "method", "outcome", "", "judged by"), rows)
+    cases = counted(len(record.rows), "case")
     console.print(
-        f"{len(record.rows)} cases: {record.survived} survived, {record.refused} refused, "
-        f"{record.wrong} wrong"
+        f"{cases}: {record.survived} survived, {record.refused} refused, {record.wrong} wrong"
     )
     for row in record.rows:
         if row.moved > 0:

@@ -13,9 +13,20 @@ from typing import TYPE_CHECKING
 import hamel
 from codegen.compiler import INSTALL, find_compiler
 from codegen.integrators import INTEGRATORS
-from derive.diagnostics import ModelError, ToolchainError, did_you_mean, listed
+from derive.choices.named import declared
+from derive.diagnostics import (
+    AssumptionError,
+    Diagnostic,
+    ModelError,
+    ToolchainError,
+    counted,
+    did_you_mean,
+    listed,
+)
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS
+from derive.formulations.charts import BETWEEN
+from derive.mechanics.records import System
 from derive.model.records import CHOICE_KINDS, Extreme
 from derive.robots import RobotFile
 from derive.robots.reading import load
@@ -28,13 +39,11 @@ from hamel.settings import settings, units
 from hamel.study import page
 from hamel.study.extremes import files, judgements
 from hamel.study.judgement import told
-from hamel.study.plan import Restrictions
+from hamel.study.plan import LIBRARIES, Restrictions
 from hamel.study.study import Case, Study, study
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-LIBRARIES = "libraries"  # among the integrators: all library solvers
 
 
 def run(
@@ -56,6 +65,7 @@ def run(
     """
     _check((*paths, *extremes), time, asked)
     cases = _cases(paths, time, values)
+    _check_choices(asked.choices, paths)
     _check_methods(asked.compare, paths)
     studies = []
     with (
@@ -69,7 +79,19 @@ def run(
                     progress((number + done / of) / len(cases))
 
             studies.append(study(case, asked, processes, Path(folder) / f"model{number}", advance))
+    _check_runs(studies, extremes)
     return _written(studies, _extremes(extremes), Path(out), asked.compare)
+
+
+def _check_runs(studies: Sequence[Study], extremes: Sequence[str | PathLike[str]]) -> None:
+    """Of what does not go together nothing is written."""
+    if not extremes and not any(each.planned for each in studies):
+        raise AssumptionError(
+            [
+                Diagnostic(message=f"{each.model}: nothing asked for can be run: {each.unmade}")
+                for each in studies
+            ]
+        )
 
 
 def _figures(studies: Sequence[Study]) -> list[str]:
@@ -107,6 +129,25 @@ def _check(paths: Sequence[str | PathLike[str]], time: float, asked: Restriction
         raise ToolchainError(
             "no C compiler found, and run times without one say nothing", hint=INSTALL
         )
+
+
+def _check_choices(names: Collection[str], paths: Sequence[str | PathLike[str]]) -> None:
+    """Of each choice some model has to know what it is: one of its file, a kind, or a partition."""
+    systems = [mechanics_of(load(path)) for path in paths]
+    for name in names:
+        problems = [problem for each in systems if (problem := _no_choice(each, name))]
+        if problems and len(problems) == len(systems):
+            raise ModelError(problems[0].diagnostics)
+
+
+def _no_choice(system: System, name: str) -> AssumptionError | None:
+    """Why a name is of no choice of this model."""
+    try:
+        for part in name.split(BETWEEN):
+            declared(system, part.strip())
+    except AssumptionError as problem:
+        return problem
+    return None
 
 
 def _check_methods(names: Sequence[str], paths: Sequence[str | PathLike[str]]) -> None:
@@ -220,5 +261,5 @@ def show(record: Reported, console: Console) -> None:
     if record.extremes:
         console.print(page.outcomes(record.extremes))
     complete = sum(row["status"] == "ok" for row in record.rows)
-    runs = f"{len(record.rows)} runs, {complete} of them to the end; " if record.rows else ""
+    runs = f"{counted(len(record.rows), 'run')}, {complete} to the end; " if record.rows else ""
     console.print(f"{runs}wrote {record.html}, {record.csv.name} and {record.json.name}")

@@ -517,8 +517,14 @@ def sweep(
     **options: Any,
 ) -> Any:
     """Make many motions of MODEL, here or on a cluster, and keep what is asked for of each."""
+    from hamel.engines import KNOWN, is_engine
     from hamel.progress import counted
 
+    scheduler = options["scheduler"]
+    if not is_engine(scheduler):
+        raise click.BadParameter(
+            f"'{scheduler}' is no engine; known: {KNOWN}", param_hint="--scheduler"
+        )
     files = [text for text in vary if "=" not in text]
     pairs = [name_and_value(text, "--vary") for text in vary if "=" in text]
     if len({name for name, _ in pairs}) < len(pairs):

@@ -30,6 +30,7 @@ from loky.process_executor import ProcessPoolExecutor
 from derive.diagnostics import ModelError, ToolchainError
 
 HERE, PROCESSES, LOCAL = "here", "processes", "local"
+KNOWN = f"{HERE}, {PROCESSES}, {LOCAL}, or tcp://ADDRESS:PORT"
 ANSWERS = 10.0  # s in which a scheduler has to answer
 INSTALL = "pip install 'hamel[cluster]'"
 
@@ -50,6 +51,24 @@ class Engine:
     link: str = ""  # of a page that shows it at work
 
 
+def check_engine(name: str | None, workers: int | None = None) -> None:
+    """Raises ModelError for a name that is of no engine, and for less than one worker."""
+    if workers is not None and workers < 1:
+        raise ModelError(f"{workers} workers are asked for", "one or more")
+    if not is_engine(name):
+        raise ModelError(f"'{name}' is no engine", KNOWN)
+
+
+def is_engine(name: str | None) -> bool:
+    """Whether something may run by that name: one of ours, an address, or a scheduler's file."""
+    return name in (None, HERE, PROCESSES, LOCAL) or ":" in str(name) or _is_file(str(name))
+
+
+def _is_file(name: str) -> bool:
+    """Whether a scheduler may have written its address there."""
+    return name.endswith(".json")
+
+
 @contextlib.contextmanager
 def engine(name: str | None = None, workers: int | None = None) -> Iterator[Engine]:
     """The engine of that name: here (when None), processes, local, or the address of a scheduler.
@@ -57,8 +76,7 @@ def engine(name: str | None = None, workers: int | None = None) -> Iterator[Engi
     Raises ModelError for a name that is none, ToolchainError where the library is missing or the
     scheduler does not answer.
     """
-    if workers is not None and workers < 1:
-        raise ModelError(f"{workers} workers are asked for", "one or more")
+    check_engine(name, workers)
     size = workers or os.cpu_count() or 1
     if name in (None, HERE):
         with ThreadPoolExecutor(size) as threads:
@@ -211,11 +229,7 @@ def _local(distributed: Any, size: int) -> Any:
 @contextlib.contextmanager
 def _connected(distributed: Any, name: str) -> Iterator[Any]:
     """A client of the scheduler at an address, or in a file that the scheduler wrote."""
-    is_file = name.endswith(".json")
-    if not is_file and "://" not in name and ":" not in name:
-        raise ModelError(
-            f"'{name}' is no engine", f"{HERE}, {PROCESSES}, {LOCAL}, or tcp://ADDRESS:PORT"
-        )
+    is_file = _is_file(name)
     if is_file and not os.path.isfile(name):  # it would be waited for, for ever
         raise ToolchainError(
             f"no scheduler has written {name}", f"`dask scheduler --scheduler-file {name}` does"

@@ -516,7 +516,8 @@ class Swept:
     chunks: int
     lost: int  # chunks that lost their worker and were made again
     seconds: float
-    rate: float  # motions per second of those made now
+    running: float  # seconds of it that motions were made in
+    rate: float  # motions made in one of these
     notes: tuple[str, ...]
     page: str
     commands: Mapping[str, str]  # what reproduces the motions in `lowest` and `highest`

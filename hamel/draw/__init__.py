@@ -1,7 +1,7 @@
 """Line plots as SVG text of our own: no plotting library at run time, the same bytes for the same
 numbers."""
 
-from hamel.draw.axis import Axis, linear, logarithmic
+from hamel.draw.axis import Axis, decades, linear, logarithmic
 from hamel.draw.chart import Series, chart, side_by_side
 from hamel.draw.panels import Curve, Panel, draw
 
@@ -11,6 +11,7 @@ __all__ = [
     "Panel",
     "Series",
     "chart",
+    "decades",
     "draw",
     "linear",
     "logarithmic",

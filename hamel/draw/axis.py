@@ -51,6 +51,17 @@ def logarithmic(values: Iterable[float], floor: float = 1e-18) -> Axis:
     return Axis(low, high, _placed(ticks, low, high), log=True)
 
 
+def decades(low: float, high: float) -> Axis:
+    """A logarithmic axis that ends at two positive numbers, with ticks at powers of ten; where it
+    has less than two of them, at 1, 2 and 5 times these."""
+    ends = math.log10(low), math.log10(high)
+    powers = range(math.floor(ends[0]), math.ceil(ends[1]) + 1)
+    whole = [(float(k), f"1e{k}") for k in powers if ends[0] <= k <= ends[1]]
+    parts = [m * 10.0**k for k in powers for m in (1, 2, 5)]
+    ticks = whole if len(whole) > 1 else [(math.log10(x), _label(x)) for x in parts]
+    return Axis(*ends, _placed(tuple(ticks), *ends), log=True)
+
+
 def roomy(axis: Axis) -> Axis:
     """The axis with some room at both ends, so that what stands there is off the frame."""
     room = ROOM * (axis.high - axis.low)

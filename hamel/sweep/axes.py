@@ -22,8 +22,10 @@ from derive.diagnostics import ModelError, did_you_mean, listed
 from hamel.columns import ENDINGS, file_columns
 from hamel.optional import library
 from hamel.sweep.limits import BLOCK, COUNT, MOST, WHOLE
+from hamel.sweep.quantiles import QUANTILES
 
 METHODS = ("formulation", "choice", "enforcement", "integrator", "rtol", "step_size")
+NUMBER, STATUS = OWN_COLUMNS = ("motion", "status")  # of every row, beside what is varied and kept
 DESIGNS = ("random", "sobol", "latin", "saltelli")
 _CALL = re.compile(r"(\w+)\s*\((.*)\)", re.DOTALL)
 
@@ -40,7 +42,7 @@ class Distribution:
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """The values that are not exceeded with the probabilities u."""
-        return _QUANTILES[self.kind](u, *self.numbers)
+        return QUANTILES[self.kind](u, *self.numbers)
 
 
 @dataclass(frozen=True)
@@ -106,9 +108,18 @@ class Design:
     @property
     def dimensions(self) -> tuple[str, ...]:
         """What the axes are called."""
-        rows = [f"row{k}" if k else "row" for k in range(len(self.tables))]
+        rows = [_row(k) for k in range(len(self.tables))]
         own = [axis.name for axis in (*self.methods, *self.grids)]
         return (*own, *rows, "sample")
+
+    @property
+    def taken(self) -> tuple[str, ...]:
+        """Names that files of rows and the Dataset have already, besides the numbers that vary."""
+        methods = [axis.name for axis in self.methods]
+        rows = [_row(k) for k in range(len(self.tables))]
+        alone = not (self.methods or self.grids or self.tables)
+        samples = ["sample"] if self.samples > 1 or alone else []
+        return (*OWN_COLUMNS, *methods, *rows, *samples)
 
     def method(self, number: int) -> dict[str, Any]:
         """The method of that number."""
@@ -154,6 +165,11 @@ class Design:
             "design": self.kind,
             "seed": self.seed,
         }
+
+
+def _row(number: int) -> str:
+    """What the axis of the rows of a file is called."""
+    return f"row{number}" if number else "row"
 
 
 def _picked(values: Sequence[float], places: np.ndarray) -> np.ndarray:
@@ -218,34 +234,6 @@ def problem(width: int, names: Sequence[str] = ()) -> dict[str, Any]:
     return {"num_vars": width, "names": known, "bounds": [[0.0, 1.0]] * width}
 
 
-def _normal(u: np.ndarray, mean: float, deviation: float, *ends: float) -> np.ndarray:
-    special = library("scipy.special", "a normal distribution")
-    if ends:
-        low, high = (special.ndtr((end - mean) / deviation) for end in ends)
-        u = low + u * (high - low)
-    return mean + deviation * special.ndtri(np.clip(u, 2.0**-60, 1.0 - 2.0**-53))
-
-
-def _uniform(u: np.ndarray, low: float, high: float) -> np.ndarray:
-    return low + (high - low) * u
-
-
-def _loguniform(u: np.ndarray, low: float, high: float) -> np.ndarray:
-    return np.exp(np.log(low) + (np.log(high) - np.log(low)) * u)
-
-
-def _triangular(u: np.ndarray, low: float, mode: float, high: float) -> np.ndarray:
-    split = (mode - low) / (high - low)
-    left = low + np.sqrt(u * (high - low) * (mode - low))
-    return np.where(u < split, left, high - np.sqrt((1 - u) * (high - low) * (high - mode)))
-
-
-_QUANTILES: dict[str, Callable[..., np.ndarray]] = {
-    "normal": _normal,
-    "uniform": _uniform,
-    "loguniform": _loguniform,
-    "triangular": _triangular,
-}
 _ARGUMENTS = {
     "normal": "normal(mean, deviation) or normal(mean, deviation, low, high)",
     "uniform": "uniform(low, high)",

@@ -11,7 +11,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 import hamel
-from derive.diagnostics import AssumptionError, HamelError, ToolchainError
+from derive.diagnostics import AssumptionError, HamelError, ToolchainError, counted
 from hamel.engines import Engine
 from hamel.sweep.folder import Folder
 from hamel.sweep.job import payload
@@ -29,6 +29,7 @@ class Progress:
     done: int = 0
     failed: int = 0
     chunks: int = 0  # made now
+    motions: int = 0  # in them
     lost: int = 0  # workers that ended with a chunk
     bytes: int = 0
     seconds: float = 0.0  # in workers
@@ -226,6 +227,7 @@ def _count_in(here: _Running, answer: Answer) -> None:
     progress.done += answer.count
     progress.failed += answer.failed
     progress.chunks += 1
+    progress.motions += answer.count
     progress.bytes += len(answer.content)
     progress.seconds += answer.seconds
     if answer.note:
@@ -233,12 +235,19 @@ def _count_in(here: _Running, answer: Answer) -> None:
     progress.reasons = sorted({*progress.reasons, *answer.reasons})[:3]
     here.told(progress)
     if progress.failed > here.bound:
-        reasons = "; ".join(f"motion {number}: {why}" for number, why in progress.reasons)
-        raise AssumptionError(
-            f"{progress.failed} of {progress.done} motions failed, more than the {here.bound} that "
-            f"may: {reasons}",
-            "other ranges, or --failures with a larger part",
-        )
+        raise _failed(progress, here.bound)
+
+
+def _failed(progress: Progress, bound: int) -> AssumptionError:
+    """More motions than may."""
+    reasons = "; ".join(f"motion {number}: {why}" for number, why in progress.reasons)
+    so_far = "" if progress.done == progress.size else " so far"
+    most = f"only {bound} of {progress.size}" if bound else "none"
+    return AssumptionError(
+        f"{progress.failed} of {counted(progress.done, 'motion')} failed{so_far}, and {most} may: "
+        f"{reasons}",
+        "other ranges, or a larger part of all with --failures",
+    )
 
 
 def _gone(here: _Running) -> ToolchainError:

@@ -23,6 +23,7 @@ from derive.expressions.units import pretty
 
 OVER_MOTION = ("highest", "lowest", "mean", "rms")
 OF_EVENTS = ("count", "first", "last")
+OF_MOTION = (*OVER_MOTION, *OF_EVENTS, "at", "final")  # no functions of formulas
 COUNTED = {  # what a motion says of itself, with its unit
     "steps": "",
     "end": "s",
@@ -70,10 +71,7 @@ def kept(texts: Collection[str], names: Names) -> tuple[Kept, ...]:
     quantities: list[Kept] = []
     for text in texts:
         quantities += _kept(text, names)
-    labels = [each.label for each in quantities]
-    twice = next((label for label in labels if labels.count(label) > 1), None)
-    if twice:
-        raise ModelError(f"'{twice}' is kept twice", f"give one another name: other = {twice}")
+    _check_once(quantities)
     modes = [each.how == "mode" for each in quantities]
     if any(modes) and not all(modes):
         raise ModelError(
@@ -81,6 +79,33 @@ def kept(texts: Collection[str], names: Names) -> tuple[Kept, ...]:
             "two sweeps",
         )
     return tuple(quantities)
+
+
+def _check_once(quantities: Sequence[Kept]) -> None:
+    labels = [each.label for each in quantities]
+    twice = next((label for label in labels if labels.count(label) > 1), None)
+    if twice:
+        raise ModelError(f"'{twice}' is kept twice", f"give one another name: other = {twice}")
+
+
+def told_apart(columns: Sequence[Kept], taken: Collection[str]) -> tuple[Kept, ...]:
+    """Kept quantities beside names that other columns have: what is called like one of them is
+    its value at the end, and a name that was given is refused."""
+    apart = tuple(_told_apart(each, taken) for each in columns)
+    _check_once(apart)
+    return apart
+
+
+def _told_apart(each: Kept, taken: Collection[str]) -> Kept:
+    if each.label not in taken:
+        return each
+    is_given = each.label != each.text or each.how in (*OVER_MOTION, *OF_EVENTS, "at")
+    if is_given:
+        raise ModelError(
+            f"something kept is to be called '{each.label}', but another column has that name",
+            f"another name, such as my_{each.label} = …",
+        )
+    return replace(each, label=f"final({each.label})")
 
 
 def _kept(text: str, names: Names) -> list[Kept]:
@@ -100,6 +125,7 @@ def _one(what: str, names: Names) -> Kept:
         return Kept(what, "counted", what, COUNTED[what])
     call = _CALL.fullmatch(what)
     how, inside = (call[1], call[2].strip()) if call else ("", "")
+    _check_alone(what, call is not None)
     if how in OF_EVENTS:
         return _of_event(what, how, inside, names)
     if how in OVER_MOTION or how == "final":
@@ -110,6 +136,19 @@ def _one(what: str, names: Names) -> Kept:
             raise ModelError(f"'{what}' is kept", "at(formula, seconds), such as at(q1, 2.5)")
         return replace(_formula(formula.strip(), names, how), label=what, time=_seconds(what, time))
     return _formula(what, names, "final")
+
+
+def _check_alone(what: str, is_call: bool) -> None:
+    """What is of a whole motion is no part of a formula; such a word is told from functions, which
+    are, and a bracket that is missing from both."""
+    word = what.partition("(")[0].strip()
+    if is_call or "(" not in what or word not in OF_MOTION:
+        return
+    arguments = {"at": "formula, seconds", **dict.fromkeys(OF_EVENTS, "event")}
+    whole = f"{word}({arguments.get(word, 'formula')})"
+    if what.count("(") > what.count(")"):
+        raise ModelError(f"'{what}' is kept, but a closing bracket is missing", whole)
+    raise ModelError(f"'{what}' is kept, but {whole} stands alone", f"{word} of the whole formula")
 
 
 def _seconds(what: str, text: str) -> float:

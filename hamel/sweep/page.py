@@ -3,23 +3,26 @@ and the motions at its ends with the command that makes each again."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 import hamel
+from derive.diagnostics import counted
 from derive.textbook.pages import rendered
-from hamel.draw import Series, chart, linear
+from hamel.draw import Axis, Series, chart, decades, linear
 from hamel.draw.canvas import STYLE, Frame, document, element, text
 from hamel.records import KeptColumn, Swept
 from hamel.sweep.plan import Plan
 
 PAGE = "sweep.html"
 CELLS = 150  # of a map, each way
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM, KEY = 560, 400, 70, 90, 30, 46, 14
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM, KEY = 575, 400, 70, 105, 30, 46, 14
 COLD, PALE, WARM = (0, 90, 160), (245, 240, 230), (190, 40, 20)
 FAILED = "#ffffff"
+SEAM = 0.3  # pixels that cells overlap, or paper shines through between them
 
 Columns = dict[str, np.ndarray]
 
@@ -30,7 +33,7 @@ def page(plan: Plan, record: Swept, columns: Columns | None) -> str:
     bad = [pair for pair in failed if pair[1] not in ("ok", "stopped by an event")]
     return rendered(
         "hamel.sweep/page.html.j2",
-        title=f"{record.model}: {record.motions} motions",
+        title=f"{record.model}: {counted(record.motions, 'motion')}",
         subtitle=_subtitle(plan, record),
         version=hamel.__version__,
         columns=[_section(plan, record, each, columns) for each in record.kept],
@@ -60,12 +63,13 @@ def _section(
         if indices
         else ()
     )
-    figures = [*_over_grids(plan, each, columns), _distribution(each)]
+    over = _over_grids(plan, each, columns)
+    figures = [(figure, _caption(plan)) for figure in over] + [(_distribution(each), "")]
     ends = [*each.lowest[:3], *reversed(each.highest[:3])]
     return {
         "title": each.name + unit,
         "name": each.name,
-        "figures": [Markup(figure) for figure in figures],
+        "figures": [(Markup(figure), words) for figure, words in figures if figure],
         "numbers": [
             ("motions", str(each.count)),
             ("mean", f"{each.mean:.6g}"),
@@ -75,6 +79,12 @@ def _section(
         "sensitivities": [(n, f"{first:.3f}", f"{total:.3f}") for n, first, total in order],
         "ends": [(f"{x:.8g}", record.commands[str(k)]) for x, k in dict.fromkeys(ends)],
     }
+
+
+def _caption(plan: Plan) -> str:
+    """What stands at a place of the grids, where it is not the only motion there."""
+    samples = plan.design.samples
+    return f"The mean of the {samples} samples at each place of the grid." if samples > 1 else ""
 
 
 def _distribution(each: KeptColumn) -> str:
@@ -89,7 +99,7 @@ def _distribution(each: KeptColumn) -> str:
         points += [(edges[k], height), (edges[k + 1], height)]
     points.append((edges[-1], 0.0))
     unit = f" ({each.unit})" if each.unit else ""
-    series = [Series(f"{each.count} motions", points, "curve")]
+    series = [Series(counted(each.count, "motion"), points, "curve")]
     return chart(
         f"distribution of {each.name}", each.name + unit, "density", series, (False, False)
     )
@@ -121,38 +131,80 @@ def _over_grids(plan: Plan, each: KeptColumn, columns: Columns | None) -> list[s
     return [_map(each, mean, axes, labels)]
 
 
-def _map(each: KeptColumn, values: np.ndarray, axes: list[np.ndarray], labels: list[str]) -> str:
+def _map(each: KeptColumn, values: np.ndarray, grids: list[np.ndarray], labels: list[str]) -> str:
     """Colours over two grids, the second along; thinned to what can be seen."""
-    rows, columns = (
-        np.unique(np.linspace(0, n - 1, min(n, CELLS)).astype(int)) for n in values.shape
-    )
-    shown = values[np.ix_(rows, columns)]
-    up, along = linear(axes[0].tolist(), tight=True), linear(axes[1].tolist(), tight=True)
-    frame = Frame(LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM, along, up)
-    width, height = frame.width / len(columns), frame.height / len(rows)
+    ups, alongs = (_Cells.of(grid) for grid in grids)
+    shown = values[np.ix_(ups.places, alongs.places)]
+    frame = Frame(LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM, alongs.axis, ups.axis)
+    x, y = [
+        [one(edge) for edge in cells.edges] for one, cells in ((frame.x, alongs), (frame.y, ups))
+    ]
     finite = shown[np.isfinite(shown)]
     low, high = (float(np.quantile(finite, q)) for q in (0.01, 0.99)) if len(finite) else (0.0, 1.0)
-    falling = (axes[0][0] > axes[0][-1], axes[1][0] > axes[1][-1])
     parts = []
-    for i, row in enumerate(shown[:: -1 if falling[0] else 1]):
-        for j, value in enumerate(row[:: -1 if falling[1] else 1]):
-            place = {"x": frame.left + j * width, "y": frame.bottom - (i + 1) * height}
+    for i, row in enumerate(shown):
+        for j, value in enumerate(row):
+            size = {"width": x[j + 1] - x[j] + SEAM, "height": y[i] - y[i + 1] + SEAM}
             colour = _colour(float(value), low, high)
-            parts.append(
-                element("rect", **place, width=width + 0.3, height=height + 0.3, fill=colour)
-            )
+            parts.append(element("rect", x=x[j], y=y[i + 1], **size, fill=colour))
+    turned = f"translate(14 {(TOP + frame.bottom) / 2:.1f}) rotate(-90)"
+    below = text((LEFT + frame.right) / 2, HEIGHT - 8, labels[1], anchor="middle")
+    beside = element("g", text(0, 0, labels[0], anchor="middle"), transform=turned)
+    title = text(LEFT, 18, each.name, "title")
+    around = [title, *frame.columns(16, grid=False), *frame.rows(grid=False)]
+    parts += [*_key(frame, low, high), frame.border(), below, beside]
+    return document(WIDTH, HEIGHT, [*around, *parts], STYLE)
+
+
+def _key(frame: Frame, low: float, high: float) -> list[str]:
+    """What the colours stand for."""
+    parts = []
     for k in range(11):
         x, y = WIDTH - RIGHT + 16, frame.bottom - (k + 1) * KEY
         colour = _colour(low + (high - low) * k / 10, low, high)
         parts.append(element("rect", x=float(x), y=y, width=KEY, height=KEY, fill=colour))
     parts.append(text(WIDTH - RIGHT + 34, frame.bottom, f"{low:.3g}"))
     parts.append(text(WIDTH - RIGHT + 34, frame.bottom - 10 * KEY, f"{high:.3g}"))
-    turned = f"translate(14 {(TOP + frame.bottom) / 2:.1f}) rotate(-90)"
-    below = text((LEFT + frame.right) / 2, HEIGHT - 8, labels[1], anchor="middle")
-    beside = element("g", text(0, 0, labels[0], anchor="middle"), transform=turned)
-    title = text(LEFT, 18, each.name, "title")
-    around = [title, *frame.columns(16, grid=False), *frame.rows(grid=False)]
-    return document(WIDTH, HEIGHT, [*around, *parts, frame.border(), below, beside], STYLE)
+    return parts
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Of a map along one grid: places of the values that are shown, the edges around each, halfway
+    to its neighbours, and the axis; `edges` and `places` in the order of the values."""
+
+    places: np.ndarray
+    edges: list[float]
+    axis: Axis
+
+    @staticmethod
+    def of(grid: np.ndarray) -> _Cells:
+        """Of a grid as it was given: in any order, some values more than once."""
+        values, places = np.unique(grid, return_index=True)
+        seen = np.unique(np.linspace(0, len(values) - 1, min(len(values), CELLS)).astype(int))
+        log = _is_geometric(values)
+        edges = _edges(np.log(values[seen]) if log else values[seen])
+        edges = np.exp(edges) if log else edges
+        first, last = float(edges[0]), float(edges[-1])
+        axis = decades(first, last) if log else linear((first, last), tight=True)
+        return _Cells(places[seen], edges.tolist(), axis)
+
+
+def _edges(centres: np.ndarray) -> np.ndarray:
+    """Halfway between centres, and as far beyond the outer ones."""
+    if len(centres) == 1:
+        return centres[0] + np.array([-0.5, 0.5]) * (abs(centres[0]) or 1.0)
+    between = (centres[1:] + centres[:-1]) / 2
+    first, last = 2 * centres[0] - between[0], 2 * centres[-1] - between[-1]
+    return np.concatenate([[first], between, [last]])
+
+
+def _is_geometric(values: np.ndarray) -> bool:
+    """Whether ascending values grow by one factor and not by one step."""
+    if len(values) < 3 or not values[0] > 0:
+        return False
+    factors = np.diff(np.log(values))
+    return bool(np.ptp(factors) < 1e-6 * factors[0])
 
 
 def _colour(value: float, low: float, high: float) -> str:

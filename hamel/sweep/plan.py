@@ -35,7 +35,7 @@ from hamel.simulate.motion import Stepping
 from hamel.sweep.artefact import Artefact, packed
 from hamel.sweep.axes import METHODS, Design, Sampling, design
 from hamel.sweep.job import Job, Modes, Motions
-from hamel.sweep.kept import Kept, Names, kept
+from hamel.sweep.kept import Kept, Names, kept, told_apart
 from hamel.sweep.limits import MOST_METHODS, ROWS, WORTH
 from hamel.sweep.linear import equations_in
 from hamel.sweep.modes import in_lanes
@@ -97,10 +97,10 @@ def planned(path: str | PathLike[str], asked: Asked) -> Plan:
         raise ModelError("nothing is kept", "a name or formula, such as --keep state")
     result = design(asked.vary, asked.files, asked.sampling, _values(path, system, asked, of_modes))
     _check_names(system, asked, result, of_modes)
-    columns = tuple(_told_apart(each, result.names) for each in columns)
-    chunk = asked.chunk or (POINTS if of_modes else MOTIONS)
-    if chunk < 1:
-        raise ModelError(f"chunks of {chunk} motions", "one or more")
+    columns = told_apart(columns, (*result.taken, *result.names))
+    chunk = (POINTS if of_modes else MOTIONS) if asked.chunk is None else asked.chunk
+    if chunk < 1 or chunk != int(chunk):
+        raise ModelError(f"chunks of {chunk} motions", "a whole number, one or more")
     count = math.prod(axis.size for axis in result.methods)
     if count > MOST_METHODS:
         raise ModelError(f"{count} methods are swept over", f"at most {MOST_METHODS}")
@@ -124,11 +124,6 @@ def planned(path: str | PathLike[str], asked: Asked) -> Plan:
         _about(model, asked, result, chunk),
         every,
     )
-
-
-def _told_apart(each: Kept, varied: Sequence[str]) -> Kept:
-    """What is kept of something that varies has another name than what it began with."""
-    return replace(each, label=f"final({each.label})") if each.label in varied else each
 
 
 def _is_of_modes(keep: Sequence[str]) -> bool:
@@ -214,10 +209,7 @@ def _check_names(system: System, asked: Asked, made: Design, of_modes: bool) -> 
         if name not in known and not of_modes:
             near = did_you_mean(name, [*known, *METHODS]) or f"it has {listed(known)}"
             raise ModelError(f"'{name}' is to vary, but {model.name} has no such value; {near}")
-        if name in asked.values:
-            raise ModelError(f"'{name}' is set, and is to vary")
-        if name in asked.inputs:
-            raise ModelError(f"'{name}' is an input over time, and is to vary")
+        _check_free(name, asked, made)
         if of_modes and name in known and name not in parameters:
             free = motion_of(equations_in(system, None), asked.at).sweepable
             if name not in free:
@@ -233,6 +225,19 @@ def _check_names(system: System, asked: Asked, made: Design, of_modes: bool) -> 
                 raise ModelError(f"{grid.name} varies to {end:g}: {problem[0]}", problem[1])
     if asked.inputs and any(name in {i.name for i in model.inputs} for name in made.names):
         raise ModelError("inputs over time and inputs that vary do not go together")
+
+
+def _check_free(name: str, asked: Asked, made: Design) -> None:
+    """Nothing else has, or is called by, the name of what varies."""
+    if name in made.taken:
+        raise ModelError(
+            f"'{name}' is to vary, but a column or an axis of every such sweep is called so",
+            f"another name in the model; taken are {listed(made.taken)}",
+        )
+    if name in asked.values:
+        raise ModelError(f"'{name}' is set, and is to vary")
+    if name in asked.inputs:
+        raise ModelError(f"'{name}' is an input over time, and is to vary")
 
 
 def _check_indices(asked: Asked, made: Design) -> None:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from derive.diagnostics import ToolchainError
+from derive.diagnostics import ToolchainError, counted
 from hamel.optional import library
-from hamel.sweep.axes import problem
+from hamel.sweep.axes import NUMBER, STATUS, problem
 from hamel.sweep.folder import Folder
 from hamel.sweep.job import Motions
 from hamel.sweep.kept import Kept
@@ -27,8 +27,8 @@ def held_of_rows(plan: Plan) -> Callable[[bytes], Held]:
     def held(content: bytes) -> Held:
         columns = columns_in(content)
         quantities = {each.label: columns[each.label] for each in plan.kept}
-        first, moved = int(columns["motion"][0]), moved_in(content)
-        return summary_of(first, quantities, columns["status"], moved)
+        first, moved = int(columns[NUMBER][0]), moved_in(content)
+        return summary_of(first, quantities, columns[STATUS], moved)
 
     return held
 
@@ -66,7 +66,7 @@ def dataset(plan: Plan, folder: Folder) -> Any:
     axes = [*design.methods, *design.grids]
     coordinates = {a.name: (a.name, list(a.values), {"units": units.get(a.name, "")}) for a in axes}
     drawn = [n for n in design.names if n not in coordinates]
-    names = [*drawn, *(each.label for each in plan.kept), "status"]
+    names = [*drawn, *(each.label for each in plan.kept), STATUS]
     variables = {
         name: (dims, columns[name].reshape(shape), {"units": units.get(name, "")}) for name in names
     }
@@ -98,9 +98,8 @@ def sensitivities(plan: Plan, folder: Folder) -> tuple[dict[str, Any], list[str]
     for each in plan.kept:
         values = columns[each.label]
         if missing := int(np.sum(~np.isfinite(values))):
-            without.append(
-                f"no Sobol indices of {each.label}: {missing} motions of the design have no value"
-            )
+            has = counted(missing, "motion of the design has", "motions of the design have")
+            without.append(f"no Sobol indices of {each.label}: {has} no value")
             continue
         if (spread := np.ptp(values)) <= _noise(plan, each, values):
             but = "" if spread == 0 else ", but for rounding and the tolerances"

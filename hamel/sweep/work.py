@@ -19,6 +19,7 @@ from derive.diagnostics import ToolchainError
 from hamel.build import store
 from hamel.optional import library
 from hamel.sweep.artefact import unpacked
+from hamel.sweep.axes import NUMBER, STATUS
 from hamel.sweep.chunk import Chunk, cause, is_good, made
 from hamel.sweep.job import Job, Motions, of_payload
 from hamel.sweep.limits import REASONS
@@ -123,8 +124,8 @@ def rows_file(chunk: Chunk) -> bytes:
     """Rows as Parquet: number, what varied, what is kept, status."""
     arrow = library("pyarrow", "keeping rows")
     count = len(chunk.status)
-    columns = {"motion": np.arange(chunk.first, chunk.first + count, dtype=np.int64)}
-    columns |= chunk.varied | chunk.kept | {"status": chunk.status}
+    columns = {NUMBER: np.arange(chunk.first, chunk.first + count, dtype=np.int64)}
+    columns |= chunk.varied | chunk.kept | {STATUS: chunk.status}
     sink = BytesIO()
     table = arrow.table({name: arrow.array(column) for name, column in columns.items()})
     table = table.replace_schema_metadata({MOVED: str(chunk.moved)})

@@ -12,9 +12,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import ModelError, counted
 from derive.robots import RobotFile
-from hamel.engines import engine
+from hamel.engines import check_engine, engine
 from hamel.optional import library
 from hamel.records import KeptColumn, Swept
 from hamel.show import number, table
@@ -57,21 +57,21 @@ def run(path: str | PathLike[str], asked: Asked, by: Running) -> Swept:
     library or the scheduler is missing or nothing can be written."""
     if not 0.0 <= by.failures <= 1.0:
         raise ModelError(f"failures is {by.failures}", "a part from 0 to 1")
+    check_engine(by.scheduler, by.workers)
     if not asked.reduce:
         library("pyarrow", "keeping rows")
     begin = time.perf_counter()
     plan = planned(path, asked)
     place = str(by.out) if by.out else os.path.join("sweep", plan.model.name)
     folder = Folder(place, not asked.reduce)
-    folder.enter(dict(plan.about))
     report = by.progress or (lambda progress: None)
     with engine(by.scheduler, by.workers) as result:
+        folder.enter(dict(plan.about))  # of an engine that does not answer nothing is left there
         start = time.perf_counter()
         progress = driven(plan, result, folder, int(by.failures * plan.design.size), report)
         took = time.perf_counter() - start
     known = all_of(folder.summaries(plan.chunks, held_of_rows(plan)))
     indices, without = sensitivities(plan, folder)
-    made_now = progress.chunks * plan.chunk
     record = Swept(
         model=plan.model.name,
         folder=place,
@@ -87,7 +87,8 @@ def run(path: str | PathLike[str], asked: Asked, by: Running) -> Swept:
         chunks=plan.chunks,
         lost=progress.lost,
         seconds=time.perf_counter() - begin,
-        rate=min(made_now, plan.design.size) / took if progress.chunks else 0.0,
+        running=took,
+        rate=progress.motions / took if progress.chunks else 0.0,
         notes=(*sorted(progress.notes), *without),
         page=f"{place}/{PAGE}",
         commands=_commands(path, plan, known),
@@ -156,13 +157,14 @@ def show(record: Swept, console: Console) -> None:
     """How many, how fast, what is known of each kept quantity, and what failed."""
     there = record.chunks - record.made
     again = f", {there} of {record.chunks} chunks were there" if there else ""
-    rate = f", {record.rate:.4g} motions/s" if record.made else ""
     console.print(
-        f"{record.model}: {record.motions} motions in {record.seconds:.3g} s by "
-        f"{record.engine}{rate}{again}"
+        f"{record.model}: {counted(record.motions, 'motion')} in {record.seconds:.3g} s by "
+        f"{record.engine}{_rate(record)}{again}"
     )
     if record.lost:
-        console.print(f"  {record.lost} chunks lost their worker and were made again")
+        console.print(
+            f"  {counted(record.lost, 'time')} a worker was lost, and its chunk made again"
+        )
     for note in record.notes:
         console.print(f"  {note}")
     rows = [
@@ -183,14 +185,23 @@ def show(record: Swept, console: Console) -> None:
         shown = ", ".join(f"{n} {number(f)} (total {number(t)})" for n, f, t in order)
         console.print(f"Sobol indices of {name}: {shown}")
     if record.moved:
-        console.print(f"  held initial values had to give way in {record.moved} motions")
+        moved = counted(record.moved, "motion")
+        console.print(f"  held initial values had to give way in {moved}")
     if record.failed:
-        console.print(f"  {record.failed} motions failed:")
+        console.print(f"  {counted(record.failed, 'motion')} failed:")
         for status, count in _failed(record.statuses).items():
             console.print(f"    {count}: {status}")
         for k, _ in record.reasons[:1]:
             console.print(f"    {record.commands[str(k)]}")
     console.print(f"  results {record.folder}, read {record.page}")
+
+
+def _rate(record: Swept) -> str:
+    """Of the seconds that motions took; before and after them there is more to do."""
+    if not record.made:
+        return ""
+    motions = round(record.rate * record.running)
+    return f"; {motions} made in {record.running:.3g} s, {record.rate:.4g} a second"
 
 
 def _failed(statuses: Mapping[str, int]) -> dict[str, int]:

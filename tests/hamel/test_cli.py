@@ -383,6 +383,13 @@ def test_building_again_copies_what_was_verified(hamel, tmp_path, tmp_path_facto
     assert not json.loads(hamel("build", str(model), "--json")[1])["kept"]
 
 
+def test_a_scheduler_that_is_none_is_wrong_usage(hamel, tmp_path):
+    model = str(MODELS / "pendulum.yaml")
+    code, _, err = hamel("sweep", model, "--vary", "m=1,2", "--scheduler", "foo", "-o", "out")
+    assert code == 64 and "'foo' is no engine; known: here, processes" in err
+    assert not (tmp_path / "out").exists()
+
+
 def test_extremes_without_files_says_what_to_name(hamel):
     code, _, err = hamel("extremes")
     assert code == 64 and "a folder of them" in err

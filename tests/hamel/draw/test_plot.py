@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from hamel.draw import Curve, Panel, draw, linear, logarithmic
+from hamel.draw import Curve, Panel, decades, draw, linear, logarithmic
 
 X = [0.01 * k for k in range(301)]
 
@@ -66,3 +66,11 @@ def test_logarithmic_axis_spans_decades_and_keeps_zero_at_the_bottom():
     axis = logarithmic([0.0, 3e-15, 2e-12])
     assert (axis.low, axis.high) == (-15, -11)
     assert axis.position(0.0) == 0.0 and axis.position(1e-13) == pytest.approx(0.5)
+
+
+def test_a_logarithmic_axis_that_ends_at_its_data():
+    axis = decades(0.05, 20.0)
+    assert axis.position(0.05) == 0.0 and axis.position(20.0) == 1.0
+    assert [label for _, label in axis.ticks] == ["1e-1", "1e0", "1e1"]
+    assert [at for at, _ in axis.ticks] == pytest.approx([axis.position(x) for x in (0.1, 1, 10)])
+    assert [label for _, label in decades(1.5, 7.0).ticks] == ["2", "5"]

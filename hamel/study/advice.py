@@ -143,7 +143,7 @@ def _slower(ratio: float) -> str:
     """Times that differ by less than noise are the same; the advice takes the run that drifts less
     of them."""
     if ratio < NOISE:
-        return "took as long, for all one can tell"
+        return "took as long (for all one can tell)"
     return f"took {ratio:,.0f} times as long" if ratio >= 100 else f"took {ratio:.3g} times as long"
 
 

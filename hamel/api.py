@@ -7,13 +7,15 @@ and raises HamelError.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from derive.diagnostics import HamelError
+from derive.model.builder import Model as Built
 from derive.robots import File as Model
+from derive.robots import RobotFile
 from hamel import records
 from hamel.build.options import BuildOptions, Constants
 
@@ -32,7 +34,10 @@ def _constants(given: Constants) -> Constants:
 
 
 def _models(given: Model | Sequence[Model]) -> tuple[Model, ...]:
-    return (given,) if isinstance(given, str | PathLike) else tuple(given)
+    """Of several models; other processes read them, too, so that a path of any kind becomes its
+    text."""
+    many = (given,) if isinstance(given, str | PathLike) else tuple(given)
+    return tuple(x if isinstance(x, RobotFile | Built) else fspath(x) for x in many)
 
 
 def check(path: Model) -> records.Checked:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from derive.diagnostics import AssumptionError, HamelError
+from derive.robots import File
 from derive.textbook import ROADS
 from derive.textbook.derivation import derivation
 from derive.textbook.pages import rendered
@@ -57,7 +58,7 @@ class Chapter:
         return self.name.replace("_", " ")
 
 
-def attempt(path: str) -> Chapter | str:
+def attempt(path: File) -> Chapter | str:
     """The chapter, or in one line why there is none: what goes from one process to another."""
     try:
         return chapter(path)
@@ -65,7 +66,7 @@ def attempt(path: str) -> Chapter | str:
         return str(error).splitlines()[0]
 
 
-def chapter(path: str) -> Chapter:
+def chapter(path: File) -> Chapter:
     """The chapter of a model file. Raises HamelError where the model has no derivation."""
     equations = equations_of(path)
     model, system = equations.system.model, equations.system
@@ -88,7 +89,7 @@ def chapter(path: str) -> Chapter:
     )
 
 
-def _motion(path: str) -> tuple[Motion | None, str]:
+def _motion(path: File) -> tuple[Motion | None, str]:
     try:
         with course_of(path) as course:
             return _shown(course), ""

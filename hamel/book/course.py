@@ -16,6 +16,7 @@ from derive.choices.survey import survey_of
 from derive.diagnostics import AssumptionError
 from derive.formulations.charts import charted
 from derive.formulations.records import Equations
+from derive.robots import File
 from hamel import charts
 from hamel.book.limits import (
     LEAST,
@@ -76,7 +77,7 @@ class Course:
 
 
 @contextlib.contextmanager
-def course_of(path: str) -> Iterator[Course]:
+def course_of(path: File) -> Iterator[Course]:
     """The motion of a model file in its first choice, or in charts of all where that one comes to a
     singular position. Raises AssumptionError where neither goes on."""
     problem = problem_of(path, METHOD, Rows(SPANS[0]), {}, Feed())

@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +21,10 @@ from derive.diagnostics import AssumptionError, HamelError, ModelError
 from derive.expressions.evaluate import number
 from derive.formulations import equations
 from derive.formulations.charts import together
+from derive.model.builder import Model as BuiltModel
 from derive.model.extremes import REAL
 from derive.model.records import Extreme, Model
+from derive.robots import File
 from derive.robots.reading import load
 from derive.states.initial import initial_state
 from hamel.build.module import temporary_module
@@ -51,18 +52,22 @@ class Ended:
     by: str
 
 
-def files(paths: Iterable[str | PathLike[str]]) -> Iterator[Path]:
-    """Model files as they are, folders as the model files in them. Raises ModelError where there is
+def files(paths: Iterable[File]) -> Iterator[File]:
+    """Models as they are, folders as the model files in them. Raises ModelError where there is
     none."""
-    for path in map(Path, paths):
-        models = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
+    for path in paths:
+        folder = None if isinstance(path, BuiltModel) else Path(path)
+        if folder is None or not folder.is_dir():
+            yield path
+            continue
+        models = sorted(folder.glob("*.yaml"))
         if not models:
             raise ModelError(f"{path} holds no model file")
         yield from models
 
 
 def extremes_table(
-    paths: Iterable[str | PathLike[str]],
+    paths: Iterable[File],
     case: str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[ExtremeRow, ...]:
@@ -76,7 +81,7 @@ def extremes_table(
 
 
 def judgements(
-    paths: Iterable[str | PathLike[str]], case: str | None = None
+    paths: Iterable[File], case: str | None = None
 ) -> Iterator[tuple[str, Callable[[], ExtremeRow]]]:
     """The name of every case (or of those called `case`), and a function that waits for its row, as
     `judged` gives or raises it. Several cases run side by side, in processes."""
@@ -93,13 +98,13 @@ def judgements(
             yield f"{model}: {entry}", future.result
 
 
-def judged_case(path: Path, number: int) -> ExtremeRow:
+def judged_case(path: File, number: int) -> ExtremeRow:
     """The case of that number in a file."""
     model = load(path)
     return judged(path, model, model.extremes[number])
 
 
-def judged(path: Path, model: Model, entry: Extreme) -> ExtremeRow:
+def judged(path: File, model: Model, entry: Extreme) -> ExtremeRow:
     """One case. An error of the model's file is no refusal and is raised."""
     if entry.spoiled:
         return _spoiled(model, entry)
@@ -137,7 +142,7 @@ def judged(path: Path, model: Model, entry: Extreme) -> ExtremeRow:
     )
 
 
-def _run(path: Path, entry: Extreme) -> Simulated:
+def _run(path: File, entry: Extreme) -> Simulated:
     named = (entry.choice or None, entry.enforcement or None)
     method = Method(
         "quasi_velocities", *named, entry.integrator, None, entry.rtol, None, real=entry.real
@@ -151,7 +156,7 @@ def _end(run: Simulated) -> float:
 
 
 def _steps(
-    path: Path, model: Model, entry: Extreme, wanted: dict[str, float]
+    path: File, model: Model, entry: Extreme, wanted: dict[str, float]
 ) -> tuple[int | None, int | None]:
     """Of a stiff case: how many steps the tolerance takes, and how many with SciPy's Radau."""
     if entry.integrator not in STIFF or entry.tolerance is None:
@@ -163,7 +168,7 @@ def _steps(
     return ours, scipy
 
 
-def _fewest(path: Path, model: Model, entry: Extreme, wanted: dict[str, float]) -> int | None:
+def _fewest(path: File, model: Model, entry: Extreme, wanted: dict[str, float]) -> int | None:
     for rtol in (10.0**-k for k in range(2, 13)):
         with suppress(HamelError), np.errstate(all="ignore"):
             best = _run(path, replace(entry, rtol=rtol))

@@ -23,6 +23,7 @@ from derive.formulations import equations
 from derive.formulations.evaluate import function_of
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
+from derive.robots import File
 from derive.robots.reading import load
 from derive.states.initial import Initial, initial_state
 from hamel.build.module import published
@@ -52,13 +53,13 @@ class Start:
     p: np.ndarray
 
 
-def start(path: str, values: Mapping[str, float | str]) -> Start:
+def start(path: File, values: Mapping[str, float | str]) -> Start:
     """System, consistent initial state, inputs and parameters of a model file with settings; kept,
     because one process makes many runs of the same model."""
     return _start(path, tuple(sorted(values.items())))
 
 
-def start_now(path: str, values: Mapping[str, float | str]) -> Start:
+def start_now(path: File, values: Mapping[str, float | str]) -> Start:
     """The same of the file as it is now: it may have been edited since an earlier study of this
     process."""
     _start.cache_clear()
@@ -66,7 +67,7 @@ def start_now(path: str, values: Mapping[str, float | str]) -> Start:
 
 
 @functools.lru_cache(maxsize=2)
-def _start(path: str, values: tuple[tuple[str, float | str], ...]) -> Start:
+def _start(path: File, values: tuple[tuple[str, float | str], ...]) -> Start:
     system = mechanics_of(load(path))
     given = settings(system.model, dict(values))
     u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
@@ -74,7 +75,7 @@ def _start(path: str, values: tuple[tuple[str, float | str], ...]) -> Start:
 
 
 def module(
-    path: str,
+    path: File,
     values: Mapping[str, float | str],
     unit: Mapping[str, str],
     span: float,

@@ -235,7 +235,7 @@ def summary(study: Study, compare: Sequence[str] = ()) -> Mapping[str, Any]:
     reference = study.reference
     return {
         "model": study.model,
-        "file": study.file,
+        "file": str(study.file),
         "time": study.span,
         "reference": {"by": list(reference.by), "bound": reference.bound, "doubt": reference.doubt},
         "advice": advice(study.rows, reference, study.unmade),

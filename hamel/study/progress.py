@@ -12,6 +12,7 @@ from typing import Any
 
 from codegen.integrators import INTEGRATORS
 from derive.diagnostics import counted
+from derive.robots import File
 from hamel.engines import Engine
 from hamel.study import modules, plan
 from hamel.study.budget import Budget, budget_of
@@ -29,7 +30,7 @@ TIGHT = ((("dop853", 1e-14), ("dopri5", 1e-14)), (("radau", 1e-11), ("dop853", 1
 class Case:
     """A model file with its settings, over `span` seconds."""
 
-    path: str
+    path: File
     values: Mapping[str, float | str]
     span: float
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from derive.robots import File
 from hamel.build import keys, store
 
 KIND = "report"  # of entries in the store
@@ -15,7 +16,7 @@ class Results:
     """By name; what is put in is on disk at once, so that an interrupted report goes on where it
     was."""
 
-    def __init__(self, path: str, options: Mapping[str, Any]) -> None:
+    def __init__(self, path: File, options: Mapping[str, Any]) -> None:
         self._key = keys.file_key(path, options)
         self._known: dict[str, Any] = dict(store.lines(KIND, self._key))
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from codegen.integrators import INTEGRATORS
 from derive.formulations.charts import BETWEEN
+from derive.robots import File
 from hamel.engines import Engine
 from hamel.study import libraries, modules, plan, runs
 from hamel.study.judgement import Judge, Reference, agreed
@@ -52,7 +53,7 @@ class Study:
     """Everything found about a model; of rows that stopped, status and time are apart."""
 
     model: str
-    file: str
+    file: File
     span: float
     reference: Reference
     rows: tuple[dict[str, Any], ...]

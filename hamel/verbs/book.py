@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.diagnostics import ModelError
+from derive.model.builder import Model
+from derive.robots import File
 from derive.robots.reading import load
 from hamel.book.chapter import Chapter, attempt
 from hamel.book.printing import browser, printed
@@ -80,17 +82,22 @@ def _made(
 ) -> Iterator[tuple[str, Chapter | str]]:
     """Each model's chapter, or why there is none, in the order of their ends. Long models are begun
     first, each as soon as a process is free."""
-    waiting = sorted(map(str, paths), key=lambda path: length_of(load(path)))
-    running: dict[Future[Chapter | str], str] = {}
+    waiting = sorted(paths, key=lambda path: length_of(load(path)))
+    running: dict[Future[Chapter | str], File] = {}
     with engine(PROCESSES, workers) as processes:
         while waiting or running:
             while waiting and len(running) < processes.width():
                 path = waiting.pop()
                 running[processes.executor.submit(attempt, path)] = path
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                yield Path(running.pop(future)).stem, future.result()
+                yield _called(running.pop(future)), future.result()
             if progress:
                 progress(1.0 - (len(waiting) + len(running)) / len(paths))
+
+
+def _called(path: File) -> str:
+    """A file by its name, a model made in Python by its own."""
+    return path.name if isinstance(path, Model) else Path(path).stem
 
 
 def show(record: Bound, console: Console) -> None:

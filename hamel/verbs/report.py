@@ -187,7 +187,7 @@ def _cases(
         settings(model, own)
         used |= own.keys()
         mechanics_of(model)  # what is wrong with a model is said before anything is run
-        cases.append(Case(str(path), own, time))
+        cases.append(Case(path, own, time))
     unknown = [name for name in values if name not in used]
     if unknown:
         raise ModelError(f"'{unknown[0]}' is set, but none of the models has such a value")

@@ -243,6 +243,12 @@ static int told(const Run *r, int status)
 #endif
 }
 
+#if KINKS /* a motion that begins at one goes on with what is behind it */
+#define FIRST_MOMENT(t, span) (64.0 * DBL_EPSILON * fmax(fabs(t), span))
+#else
+#define FIRST_MOMENT(t, span) 0.0
+#endif
+
 /* The slope at the start and the first step size. */
 static int start(Run *r, const Method *method, double span)
 {
@@ -272,7 +278,7 @@ static int start(Run *r, const Method *method, double span)
             s->held[i] = F[(MANIFOLD - HELD + i) * WIDE];
     }
 #endif
-    if ((status = slope(r, s->t, s->x, s->slope)) != OK)
+    if ((status = slope(r, s->t + FIRST_MOMENT(s->t, span), s->x, s->slope)) != OK)
         return status;
     if (s->step_size > 0.0)
         s->next_step = s->step_size;

@@ -1525,7 +1525,15 @@ static __attribute__((noinline)) void lanes_started(const Motions *all, const Me
         memset(w->now, 0, sizeof w->now);
         memcpy(w->z, w->y, sizeof w->z);
         memcpy(w->end, w->t, sizeof w->end);
-        slopes(all, w, w->t, w->y, 1, w->k[0]);
+#if KINKS /* a motion that begins at one goes on with what is behind it */
+        {
+            const Vector t = vector(w->t), span = vector(w->final) - t;
+            store(w->at, t + 64.0 * DBL_EPSILON * larger(size_of(t), span));
+        }
+#else
+        memcpy(w->at, w->t, sizeof w->at);
+#endif
+        slopes(all, w, w->at, w->y, 1, w->k[0]);
         lanes_plain(w, w->t, w->y, w->k[0]);
         lanes_looked(w);
         if (sized)

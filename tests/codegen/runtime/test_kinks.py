@@ -67,16 +67,17 @@ def built(factory: pytest.TempPathFactory, names: tuple[str, ...]) -> ModuleType
 def motion(module: ModuleType, case: Any, way: str = "", **how: Any) -> tuple[Any, float]:
     """A motion and its error at the end."""
     p, start, time, end = case
+    times = how.pop("times", [0.0, time])
     if way:
         simulate = importlib.import_module(f"{module.__name__}._simulate")
         library = importlib.import_module(f"{module.__name__}._library")
         advance = {"numpy": simulate.advance, "ctypes": library.advance}[way]
         tolerances = (how.pop("rtol", 1e-9), how.pop("atol", 1e-9))
-        given = ([0.0, time], start, None, p, *tolerances, None, 10**6, None)
+        given = (times, start, None, p, *tolerances, None, 10**6, None)
         result = simulate.run(advance, way, *given, **how)
     else:
         how = {"rtol": 1e-9, "atol": 1e-9, **how}
-        result = module.simulate([0.0, time], start, p=p, **how)
+        result = module.simulate(times, start, p=p, **how)
     return result, float(np.abs(result.x[-1] - end).max())
 
 
@@ -326,3 +327,29 @@ def test_of_two_corners_near_each_other_the_first_is_seen(tmp_path: Path) -> Non
     for how in ({}, {"rtol": 1e-4}, {"integrator": "rk4", "step_size": 0.2}):
         with pytest.raises(module.Stopped, match="a prescribed velocity"):
             module.simulate([0.0, 2.0], [0.0, 0.3, 0.5], **how)
+
+
+PUSHED = """model: pushed
+bodies: {b: {mass: 1 kg}}
+joints: {j: {type: prismatic, parent: ground, child: b, axis: x, coordinate: x}}
+loads: {f: {type: expression, joint: j, expression: "(10 N)*step(t - START s)"}}
+"""
+
+
+@WITH_COMPILER
+@pytest.mark.parametrize("start", [0.0, 2.0])
+def test_a_motion_that_begins_at_a_jump_has_what_is_behind_it(start: float, tmp_path: Path) -> None:
+    """The first stage of steps of given size had half the force: x was off by 1e-2."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        made = program(equations_of_text(PUSHED.replace("START", str(start))), ("dynamics",), QUICK)
+        module = loader.load(published(made, tmp_path / "pushed").folder)
+    times = [start, start + 1.0]
+    for how in ({}, {"integrator": "rk4", "step_size": 0.01}):
+        for way in ("", "ctypes", "numpy"):
+            result, error = motion(
+                module, ([], [0.0, 0.0], 1.0, [5.0, 10.0]), way, times=times, **how
+            )
+            assert error < 1e-10 and result.landings == 0
+        many = module.simulate(times, np.zeros((9, 2)), **how)
+        assert np.abs(many.x[:, -1] - [5.0, 10.0]).max() < 1e-10

@@ -332,7 +332,7 @@ def test_of_two_corners_near_each_other_the_first_is_seen(tmp_path: Path) -> Non
 PUSHED = """model: pushed
 bodies: {b: {mass: 1 kg}}
 joints: {j: {type: prismatic, parent: ground, child: b, axis: x, coordinate: x}}
-loads: {f: {type: expression, joint: j, expression: "(10 N)*step(t - START s)"}}
+loads: {f: {type: expression, joint: j, expression: "(5 N)*(1 + sign(t - START s))"}}
 """
 
 

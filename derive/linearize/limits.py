@@ -30,6 +30,7 @@ SPARED = 1e-3
 MINIMAL_NEAR = 1e-6
 
 # sensitivity
+TWIN = 1e-9  # of the norm of A: eigenvalues that differ by less are one
 DEFECTIVE = 1e-7  # |yᴴ x| below which two eigenvalues are one and have no derivative
 
 # spectrum

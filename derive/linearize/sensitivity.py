@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from derive.linearize.limits import DEFECTIVE, RANK
+from derive.linearize.limits import DEFECTIVE, RANK, TWIN
 from derive.linearize.spectrum import eigenvalues
 from derive.linearize.study import Study
 
@@ -29,19 +29,21 @@ def modes(study: Study) -> tuple[Mode, ...]:
 
         dλ/dθ = yᴴ (dA/dθ) x / (yᴴ x),   A x = λ x,   yᴴ A = λ yᴴ
 
-    dA/dθ holds the shift of the steady motion with θ. Where yᴴ x all but vanishes, two eigenvalues
-    are one and no derivative exists: the sensitivity is empty then.
+    dA/dθ holds the shift of the steady motion with θ. Where yᴴ x all but vanishes, or eigenvalues
+    are the same, no derivative exists: the sensitivity is empty then. Modes of one eigenvalue are
+    independent as far as there are such, each without what leads in the others.
     """
     motions = study.motions({})
     A = study.full(motions)[0]
     slopes = _slopes(study, motions.x[0], motions.u[0], motions.p[0])
     result: list[Mode] = []
-    for wanted in eigenvalues(study.matrices(motions))[0]:
-        if wanted.imag < 0:
-            continue
+    found = [x for x in eigenvalues(study.matrices(motions))[0] if x.imag >= 0]
+    for k, wanted in enumerate(found):
+        twins = [i for i, x in enumerate(found) if abs(x - wanted) <= TWIN * np.linalg.norm(A)]
         x, y = _vectors(A, wanted)
         over = np.vdot(y, x)
-        defective = abs(over) < DEFECTIVE
+        defective = abs(over) < DEFECTIVE or len(twins) > 1
+        x = _space(A, wanted, len(twins))[twins.index(k)] if len(twins) > 1 else x
         moved = (
             {}
             if defective
@@ -56,6 +58,27 @@ def _vectors(A: np.ndarray, eigenvalue: complex) -> tuple[np.ndarray, np.ndarray
     of A leave alone."""
     left, _, right = np.linalg.svd(A - eigenvalue * np.eye(len(A)))
     return right[-1].conj(), left[:, -1]
+
+
+def _space(A: np.ndarray, eigenvalue: complex, count: int) -> list[np.ndarray]:
+    """So many right vectors of an eigenvalue: the reduced echelon form of the null space of
+    A − λ 1. Where that is smaller its first one stands for those that are missing."""
+    _, sizes, right = np.linalg.svd(A - eigenvalue * np.eye(len(A)))
+    width = max(1, min(count, int(np.sum(sizes <= TWIN * sizes[0]))))
+    rows = right[len(A) - width :].conj()
+    vectors = np.linalg.solve(rows[:, _leading(rows)], rows)
+    return [*vectors, *[vectors[0]] * (count - width)]
+
+
+def _leading(rows: np.ndarray) -> list[int]:
+    """Columns that tell the rows apart: each time the largest of what those before leave."""
+    left, found = rows.copy(), list[int]()
+    for _ in range(len(rows)):
+        k = int(np.argmax(np.linalg.norm(left, axis=0)))
+        found.append(k)
+        along = left[:, k] / np.linalg.norm(left[:, k])
+        left -= np.outer(along, along.conj() @ left)
+    return sorted(found)
 
 
 def _slopes(study: Study, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> dict[str, np.ndarray]:

@@ -35,7 +35,7 @@ def _entry(key: Key, node: Node, source: Source) -> Node:
         source.refuse(
             key.span,
             "a no_slip in a part whose ground is a body",
-            "nonholonomic: velocity(BODY, POINT, ground).y, or a part on the ground",
+            "nonholonomic: dot(velocity(BODY, POINT), direction(BODY, y)), or a part on the ground",
         )
     if kind.text in COMPONENTS:
         return _with(node, COMPONENTS[kind.text], kind)

@@ -20,7 +20,7 @@ from derive.model.composition import SubmodelEntry
 from derive.model.delays import late
 from derive.model.document import Entries, Items, Key, Node, Scalar, Source
 from derive.model.grounded import ALONG_AXES, COMPONENTS, grounded, unsaid
-from derive.model.records import GROUND
+from derive.model.records import GROUND, Span
 from derive.model.repetition import WORDS, with_called
 
 # sections whose keys are names, and that a part brings along
@@ -120,7 +120,8 @@ def as_part(node: Entries, key: Key, entry: SubmodelEntry, source: Source) -> En
     names |= {str(name): f"{key}_{name}" for name in formulas}
     names |= {str(k): v.text.strip() for k, v in formulas.items() if _is_name(v.text)}
     names[GROUND] = _ground(key, entry)
-    part = _Renaming(names, source).part(_on(names[GROUND], node, source))
+    at = entry.ground.span if isinstance(entry.ground, Scalar) else None
+    part = _Renaming(names, source, at).part(_on(names[GROUND], node, source))
     defined = {
         Key(f"{key}_{name}", name.span): value
         for name, value in formulas.items()
@@ -129,7 +130,7 @@ def as_part(node: Entries, key: Key, entry: SubmodelEntry, source: Source) -> En
     own = _entries(part, "where")
     where: dict[Key, Node] = {**{own.key(name): value for name, value in own.items()}, **defined}
     part = Entries({**part, **_section("where", where, part)}, part.span)
-    return part if not _mounted(entry) else merged(part, _mount(key, entry), source)
+    return part if not _mounted(entry) else merged(part, _mount(key, entry, part), source)
 
 
 def _on(ground: str, node: Entries, source: Source) -> Entries:
@@ -168,8 +169,9 @@ def _ground(key: Key, entry: SubmodelEntry) -> str:
     return entry.ground.text if isinstance(entry.ground, Scalar) else f"{key}_{GROUND}"
 
 
-def _mount(key: Key, entry: SubmodelEntry) -> Entries:
-    """A body without mass where the part's ground is, fixed to what carries it."""
+def _mount(key: Key, entry: SubmodelEntry, part: Entries) -> Entries:
+    """A body without mass where the part's ground is, fixed to what carries it, by a joint with a
+    name that nothing in the part has."""
     frame = entry.ground
     assert frame is not None and not isinstance(frame, Scalar)
     span = frame.body.span
@@ -189,7 +191,10 @@ def _mount(key: Key, entry: SubmodelEntry) -> Entries:
     name = _ground(key, entry)
     joint = mapping(type=word("fixed"), parent=frame.body, child=word(name), at=at)
     bodies = Entries({Key(name, span): mapping(mass=word("0"))}, span)
-    return mapping(bodies=bodies, joints=Entries({Key(f"{key}_mount", span): joint}, span))
+    called = f"{key}_mount"
+    while called in set(own_names(part)):
+        called += "_"
+    return mapping(bodies=bodies, joints=Entries({Key(called, span): joint}, span))
 
 
 def merged(whole: Entries, part: Entries, source: Source) -> Entries:
@@ -238,10 +243,11 @@ def _initial(own: Entries, given: Entries) -> Entries:
 
 
 class _Renaming:
-    """Replaces names in keys and formulas; `names`: the part's → the whole's."""
+    """Replaces names in keys and formulas; `names`: the part's → the whole's; `ground`: where the
+    whole says what the part's ground is, which is told where it is nothing."""
 
-    def __init__(self, names: Mapping[str, str], source: Source) -> None:
-        self.names, self.source = names, source
+    def __init__(self, names: Mapping[str, str], source: Source, ground: Span | None) -> None:
+        self.names, self.source, self.ground = names, source, ground
         self.known = frozenset(names) - {GROUND}
 
     def part(self, node: Entries) -> Entries:
@@ -279,6 +285,8 @@ class _Renaming:
         return Entries(entries, node.span)
 
     def _scalar(self, node: Scalar, key: str) -> Scalar:
+        if node.text == GROUND and self.ground is not None:
+            return replace(node, text=self.names[GROUND], span=self.ground, exact=False)
         if key in PLAIN or (key in LETTERS | LETTERED and _AXIS.match(node.text)):
             return node
         # in the formula of a surface the letters are its own

@@ -12,6 +12,9 @@ NOTHING = 1e-12  # a constant of the motion below this is zero
 ROUNDOFF = 1e-13  # of the largest entry: an entry below this is zero
 REAL = 1e-9  # of its size: a slope with less of an imaginary part is real
 
+# kinks
+ON_KINK = 1e-11  # in the model's own units: a function so small is zero
+
 # words
 SEEN = 0.01  # relative amplitude below which a coordinate is not mentioned
 # of the largest amplitude, in the model's own units: less may be the rounding of a mode

@@ -4,6 +4,7 @@ range, and the page."""
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations.evaluate import function_of
 from derive.formulations.frames import based
 from derive.linearize import study
 from derive.linearize.discrete import Discrete
@@ -25,7 +27,7 @@ from derive.linearize.unreduced import unreduced
 from hamel.build.clock import Clock
 from hamel.build.files import write_text
 from hamel.build.stages import equations_of
-from hamel.linear.limits import SAME
+from hamel.linear.limits import ON_KINK, SAME
 from hamel.linear.page import page
 from hamel.linear.ranges import ranges, values
 from hamel.linear.sweep import Sweep, swept
@@ -76,6 +78,7 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
         result = study(
             equations, motion, middles | values(model, motion, options.given), options.cyclic
         )
+    _warn_of_kinks(result)
     with clock("sweep"):
         outcome = swept(result, wanted)
     if step is not None and not 0 < step < math.inf:
@@ -89,6 +92,20 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
     with clock("page"):
         write_text(place, page(result, outcome, wanted, record))
     return replace(record, page=place)
+
+
+def _warn_of_kinks(study: Study) -> None:
+    """Where forces jump or bend there is no slope, and what comes out is between both sides."""
+    equations = study.equations
+    makes = [request.make for request in equations.requests if request.name == "kinks"]
+    if not makes or makes[0] is None:
+        return
+    motions = study.motions({})
+    function = function_of(equations, makes[0]())
+    values = function(0.0, motions.x[0], motions.u[0], motions.p[0])
+    if np.abs(np.array(values)).min(initial=1.0) <= ON_KINK:
+        said = "a force jumps or bends exactly here: slopes are between those of both sides"
+        warnings.warn(f"{equations.system.model.name}: {said}", RuntimeWarning, stacklevel=3)
 
 
 def _record(study: Study, made: Sweep, clock: Clock) -> Linearized:

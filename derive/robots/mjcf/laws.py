@@ -155,6 +155,8 @@ def _position(reading: Reading, element: Element, record: _Record) -> _Record:
     kp, damping = scalar(reading, element, "kp", record.gain[0]), record.bias[2]
     if "kv" in element.attributes:
         damping = -scalar(reading, element, "kv")
+    if "kv" in element.attributes and "dampratio" in element.attributes:
+        reading.report(element, "kv and dampratio of one actuator", "one of them", "", "dampratio")
     if "dampratio" in element.attributes:
         damping = scalar(reading, element, "dampratio")
         if damping < 0.0:

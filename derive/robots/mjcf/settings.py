@@ -26,6 +26,7 @@ from derive.robots.rotations import (
 
 MOST_FILES = 100
 KINDS = (".xml", ".mjcf")
+LISTS = ("size", "gear", "stiffness", "damping")  # of which the first numbers may be given
 ACTUATORS = (
     "general",
     "motor",
@@ -244,11 +245,17 @@ def _family(tag: str) -> str:
 
 
 def _overruled(before: dict[str, str], own: dict[str, str]) -> dict[str, str]:
-    """One's own attributes over those of a class; an orientation over one in other words."""
+    """One's own attributes over those of a class; an orientation over one in other words. Of a
+    list that is shorter the class has the rest."""
     kinds = {name for name, _, _ in _ORIENTATIONS}
     if kinds & own.keys():
         before = {name: value for name, value in before.items() if name not in kinds}
-    return before | own
+    longer = {
+        name: " ".join([*value.split(), *before[name].split()[len(value.split()) :]])
+        for name, value in own.items()
+        if name in before and name in LISTS
+    }
+    return before | own | longer
 
 
 def completed(reading: Reading, element: Element, found: Settings, inherited: str = "") -> Element:

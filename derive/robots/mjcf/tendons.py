@@ -216,6 +216,9 @@ def _line(reading: Reading, tendon: Element, scene: Scene) -> Line | None:
         elif step.tag == "site":
             body, frame = scene.sites[step.get("site")]
             points.append((body, frame.at))
+    if tendon.children and tendon.children[-1].tag == "pulley":
+        reading.report(tendon.children[-1], "a tendon that ends with a pulley", "sites behind it")
+        return None
     end_branch()
     if not branches:
         reading.report(tendon, f"the tendon {quoted(name)} has no two sites", "<site>s in a row")
@@ -226,7 +229,10 @@ def _line(reading: Reading, tendon: Element, scene: Scene) -> Line | None:
 def _powers(reading: Reading, tendon: Element, name: str, flag: str, scene: Scene) -> list[float]:
     """Stiffness or damping of a tendon: factors of a length or speed, its square and its cube. They
     are zero where the flag is off."""
-    given = [*(listing(reading, tendon, name) or []), 0.0, 0.0, 0.0][:3]
+    given = listing(reading, tendon, name) or []
+    if len(given) > 3:
+        reading.report(tendon, f"{len(given)} numbers in '{name}'", "at most 3", "", name)
+    given = [*given, 0.0, 0.0, 0.0][:3]
     return [0.0, 0.0, 0.0] if flag in scene.settings.off else given
 
 
@@ -287,6 +293,11 @@ def _rests(reading: Reading, line: Line, scene: Scene) -> tuple[float, float]:
     """The lengths between which the spring is slack. One that says nothing is at rest where the
     springs of joints are, which is read where that is the reference configuration."""
     given = listing(reading, line.place, "springlength") or [-1.0]
+    if len(given) > 2 or given[-1] < given[0]:
+        problem = "the springlength of a tendon"
+        reading.report(
+            line.place, problem, "one length, or a shorter and a longer", "", "springlength"
+        )
     if given[0] != -1.0:
         return given[0], given[-1]
     moved = [name for name, rest in scene.rests.items() if rest != scene.references.get(name, 0.0)]

@@ -188,6 +188,15 @@ def test_only_what_acts_is_written(tmp_path):
             '<fixed name="f" stiffness="1 2"><joint joint="rail"/></fixed><spatial name="cable">',
             "stiffness with the square or the cube of a length along joints",
         ),
+        ('springlength="0.4 1.1"', 'springlength="1.1 0.4"', "the springlength"),
+        ('springlength="0.4 1.1"', 'springlength="1 2 3"', "the springlength"),
+        ('damping="0.4"', 'damping="1 2 3 4"', "4 numbers in 'damping'"),
+        (
+            '<site site="low"/><site site="c"/>',
+            '<site site="low"/><site site="c"/><pulley/>',
+            "a tendon that ends with a pulley",
+        ),
+        ('kv="2" gear="1.5"', 'kv="2" dampratio="1"', "kv and dampratio of one actuator"),
         ('name="rope"', 'name="rope" armature="1"', "a tendon with armature"),
         ('tendon="cable"', 'tendon="cables"', "unknown tendon 'cables'"),
         (
@@ -203,3 +212,23 @@ def test_what_is_no_row_of_lines_is_told(tmp_path, old, new, said):
     with pytest.raises(ModelError) as caught:
         derived(tmp_path, given.replace(old, new))
     assert said in str(caught.value)
+
+
+def test_a_class_has_the_rest_of_a_shorter_list(tmp_path):
+    """As MuJoCo compiles it: 0.7 and 1 of the damping, 0.4, 0.2 and 0.3 of the size."""
+    given = POLYNOMIAL.format('class="B"').replace(
+        "<worldbody>",
+        '<default><default class="A"><tendon damping="2 1"/><geom size="0.1 0.2 0.3"/>'
+        '<default class="B"><tendon damping="0.7"/></default></default></default><worldbody>',
+    )
+    found = derived(tmp_path, given)("dynamics", 0.0, [0.0, 2.0], [], [])
+    assert np.ravel(found)[1] == pytest.approx(-0.7 * 2 - 1 * 4)
+    box = (
+        '<mujoco><default><default class="A"><geom size="0.1 0.2 0.3"/></default></default>'
+        '<worldbody><body><joint/><geom class="A" type="box" size="0.4" mass="3"/></body></worldbody></mujoco>'
+    )
+    file = tmp_path / "box.xml"
+    file.write_text(box)
+    (body,) = imported(file).model.bodies
+    assert body.inertia[0].value == pytest.approx(0.2**2 + 0.3**2)
+    assert body.inertia[1].value == pytest.approx(0.4**2 + 0.3**2)

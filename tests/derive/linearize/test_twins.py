@@ -5,7 +5,6 @@ Of derive.linearize: sensitivity. Of hamel.verbs: linearize.
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import hamel
@@ -15,26 +14,30 @@ model: twins
 plane: xy
 bodies: {A: {mass: 1 kg}, B: {mass: 1 kg}}
 joints:
-  j1: {type: prismatic, axis: x, parent: ground, child: A, coordinate: x1, spring: {stiffness: 100 N/m}, damper: 1 N*s/m}
-  j2: {type: prismatic, axis: x, parent: ground, child: B, coordinate: x2, spring: {stiffness: 100 N/m}, damper: 1 N*s/m}
+  j1:
+    {type: prismatic, axis: x, parent: ground, child: A, coordinate: x1,
+     spring: {stiffness: 100 N/m}, damper: 1 N*s/m}
+  j2:
+    {type: prismatic, axis: x, parent: ground, child: B, coordinate: x2,
+     spring: {stiffness: 100 N/m}, damper: 1 N*s/m}
 """
 STOP = """
 model: stop
 bodies: {b: {mass: 1 kg}}
-joints: {j: {type: prismatic, parent: ground, child: b, axis: x, coordinate: x, spring: {stiffness: 10 N/m}}}
-loads: {hit: {type: expression, joint: j, expression: "-(100 N/m)*max(0 m, x - 0.2 m)"}}
+joints: {j: {type: prismatic, parent: ground, child: b, axis: x, coordinate: x}}
 inputs: {u: {joint: j}}
-steady_motion: {at: {x: PLACE}}
+loads:
+  s: {type: spring, joint: j, stiffness: 10 N/m}
+  hit: {type: expression, joint: j, expression: "-(100 N/m)*max(0 m, x - 0.2 m)"}
+steady_motion: {at: {x: PLACE, der(x): 0, u: free}}
 """
 
 
 def test_modes_of_one_eigenvalue_are_independent(tmp_path: Path) -> None:
     file = tmp_path / "twins.yaml"
     file.write_text(TWINS, encoding="utf-8")
-    shapes = [mode.shape for mode in hamel.linearize(file, at="guess").modes]
-    moved = np.array([[abs(shape.get(name, 0.0)) for name in ("x1", "x2")] for shape in shapes])
-    assert np.linalg.matrix_rank(moved, tol=1e-6) == 2
-    assert sorted(np.round(moved, 9).tolist()) == [[0.0, 1.0], [1.0, 0.0]]
+    modes = hamel.linearize(file, at="guess").modes
+    assert sorted(mode.shape for mode in modes) == ["x1 1", "x2 1"]
 
 
 @pytest.mark.parametrize(

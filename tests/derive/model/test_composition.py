@@ -250,7 +250,7 @@ def test_submodels_inside_submodels_and_repeated(tmp_path: Path) -> None:
         ),
         (
             "{use: leg.yaml, ground: trnk}",
-            ["leg.yaml:9:33: error: unknown body 'trnk'", "near is used"],
+            ["whole.yaml:6:43: error: unknown body 'trnk'", "did you mean 'trunk'?"],
         ),
         ("{use: none.yaml}", ["whole.yaml:6:25: error: 'none.yaml' cannot be read"]),
         ("{use: ../leg.yaml}", ["whole.yaml:6:25", "is not beside the model"]),

@@ -482,7 +482,7 @@ class _Parser:
                 f"unexpected '{self.token.text}'",
                 self.token.at,
                 after,
-                "a unit stands directly after a number",
+                "a unit stands directly after a number, as in 3 kg*m^2",
             )
         self._refuse_token(self.token, after)
 
@@ -497,6 +497,8 @@ class _Parser:
             self._refuse(f"unexpected '{token.text}'", token.at, expected)
         plain = TYPESET.get(token.text)
         hint = f"in a formula it is written {plain}" if plain else ""
+        if token.text == "=":
+            hint = "a formula is made zero as it stands: without the sign and what is behind it"
         self._refuse(f"unexpected character {token.text!r}", token.at, expected, hint)
 
     def _enter(self, token: _Token) -> None:

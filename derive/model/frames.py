@@ -85,7 +85,11 @@ def _orientation(reader: Reader, entry: JointEntry) -> str:
     if given is None:
         return QUATERNION
     if isinstance(given, Scalar):
-        reader.word(given, [QUATERNION], "orientation")
+        if given.text == "euler":
+            expected = "quaternion, or {euler: zxy, angles: [yaw, lean, spin]}"
+            reader.report(given.span, "an orientation by Euler angles without names", expected)
+        else:
+            reader.word(given, [QUATERNION], "orientation")
         return QUATERNION
     if given.quaternion is not None:
         for wrong in (given.euler, given.angles):
@@ -133,6 +137,16 @@ def _coordinates(
     )
 
 
+# keys of free joints alone: what others have, and where else one may look
+_INSTEAD = {
+    "position": ("coordinate or coordinates", "where the joint is stands under `at:`"),
+    "orientation": (
+        "coordinate or coordinates",
+        "free joints alone have Euler angles; of a ball they are three revolute joints",
+    ),
+}
+
+
 def _given_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) -> list[Scalar]:
     """The names the file gives to the coordinates, in the order of the table; [] where it leaves
     them to us."""
@@ -142,7 +156,12 @@ def _given_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) 
         if free
         else [name for name in ("position", "orientation") if getattr(entry, name) is not None]
     ):
-        reader.report(key.span, f"'{wrong}' of a {table.name} joint", "coordinate or coordinates")
+        given = getattr(entry, wrong)
+        reader.report(
+            key.span if isinstance(given, OrientationEntry) else given.span,
+            f"'{wrong}' of a {table.name} joint",
+            *_INSTEAD[wrong],
+        )
     if entry.coordinate is not None:
         return _counted(reader, key, [entry.coordinate], table, entry.coordinate.span)
     places = entry.position

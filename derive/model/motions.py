@@ -40,6 +40,14 @@ def _choice(reader: Reader, key: Key, entry: Scalar | Items | dict[Key, Scalar])
     if name not in CHOICE_KINDS:
         reader.name(key)
     if isinstance(entry, Scalar):
+        if entry.text not in CHOICE_KINDS and not entry.text.strip().isidentifier():
+            reader.report(
+                entry.span,
+                f"a formula in the place of the choice '{key}'",
+                listed(CHOICE_KINDS),
+                f"a choice has a name, and its rows below it: NAME: {{{key}: {entry.text}}}",
+            )
+            return Choice(name, "auto", (), key.span)
         return Choice(
             name, reader.word(entry, CHOICE_KINDS, "kind of choice") or "auto", (), key.span
         )
@@ -163,7 +171,9 @@ def state_name(
                 else f"unknown coordinate or velocity '{key}'"
             )
             names = [*known(), *more]
-            raise FormulaError(message, str(key), 0, listed(names), did_you_mean(name, names))
+            rate = f"der({name.removesuffix('_dot')})"
+            near = f"did you mean '{rate}'?" if rate in names else did_you_mean(name, names)
+            raise FormulaError(message, str(key), 0, listed(names), near)
     except FormulaError as error:
         reader.fault(scalar, error)
         return None

@@ -169,6 +169,9 @@ _OTHER_WORDS = {
 def _near_key(name: str, keys: Collection[str]) -> str:
     if name.count(")") > name.count("("):  # the rest of {tension: max(a, b)}
         return 'inside { } and [ ] a formula with a comma stands in quotes: "max(a, b)"'
+    word, colon, _ = name.partition(":")
+    if colon and word in keys:
+        return f"a blank stands behind the colon: {word}: …"
     others = [word for word in _OTHER_WORDS.get(name, ()) if word in keys]
     return f"did you mean '{others[0]}'?" if others else did_you_mean(name, keys)
 

@@ -887,10 +887,48 @@ ERRORS = [
     ),
     (
         "position_of_hinge",
-        ARM.replace("joints: {A", "joints: {«A").replace("coordinate: q", "position: [x, y, z]"),
+        ARM.replace("coordinate: q", "position: «[x, y, z]"),
         "'position' of a revolute joint",
         "coordinate",
+        "where the joint is stands under `at:`",
+    ),
+    (
+        "euler_without_names",
+        SPACE.replace("revolute", "free")
+        .replace("coordinate: q, axis: z", "orientation: «euler")
+        .replace(", axis: z", "")
+        .replace("coordinate: q", "orientation: «euler"),
+        "an orientation by Euler angles without names",
+        "{euler: zxy, angles: [yaw, lean, spin]}",
         "",
+    ),
+    (
+        "choice_without_a_name",
+        ARM + "quasi_velocities: {w: «2*der(q)}\n",
+        "a formula in the place of the choice 'w'",
+        "orthonormal",
+        "NAME: {w: 2*der(q)}",
+    ),
+    (
+        "rate_by_the_name_of_code",
+        ARM + "initial: {«q_dot: 1 rad/s}\n",
+        "unknown coordinate or velocity 'q_dot'",
+        "der(q)",
+        "did you mean 'der(q)'?",
+    ),
+    (
+        "equation",
+        ARM + "constraints: {c: {holonomic: q «= 0}}\n",
+        "unexpected character '='",
+        "an operator",
+        "a formula is made zero as it stands",
+    ),
+    (
+        "no_blank_behind_a_colon",
+        ARM.replace("{b: {mass: m,", "{b: {«mass:m,"),
+        "unknown key 'mass:m'",
+        "mass",
+        "a blank stands behind the colon: mass: …",
     ),
     (
         "euler",

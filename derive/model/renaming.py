@@ -191,10 +191,10 @@ def _mount(key: Key, entry: SubmodelEntry, part: Entries) -> Entries:
     name = _ground(key, entry)
     joint = mapping(type=word("fixed"), parent=frame.body, child=word(name), at=at)
     bodies = Entries({Key(name, span): mapping(mass=word("0"))}, span)
-    called = f"{key}_mount"
-    while called in set(own_names(part)):
-        called += "_"
-    return mapping(bodies=bodies, joints=Entries({Key(called, span): joint}, span))
+    taken = set(own_names(part))
+    wanted = (f"{key}_mount{number}" for number in ("", *range(2, len(taken) + 3)))
+    free = next(name for name in wanted if name not in taken)
+    return mapping(bodies=bodies, joints=Entries({Key(free, span): joint}, span))
 
 
 def merged(whole: Entries, part: Entries, source: Source) -> Entries:

@@ -99,6 +99,16 @@ def test_no_slip_on_a_body_is_refused(tmp_path: Path) -> None:
     assert caught.value.diagnostics[0].file.endswith("part.yaml")
 
 
+def test_what_holds_a_part_takes_no_name_of_it(tmp_path: Path) -> None:
+    rest = "frames: {mount: {body: b}, mount2: {body: b, position: [1, 0]}}"
+    (tmp_path / "part.yaml").write_text(PART.format(more="", rest=rest), encoding="utf-8")
+    whole = tmp_path / "whole.yaml"
+    whole.write_text(WHOLE.replace("GROUND", ON_A_FRAME), encoding="utf-8")
+    model = load(str(whole))
+    assert [joint.name for joint in model.joints] == ["mount", "a_mount3", "a_j"]
+    assert {frame.name for frame in model.frames} == {"a_mount", "a_mount2"}
+
+
 WORDS = {
     "units of a table": (
         "parameters: {m: 1 kg, s: 2}\ntables: {T: {points: [[0, 0], [1, 2]], units: [m/s, N*m]}}",

@@ -80,6 +80,7 @@ def test_a_choice_that_is_none_is_refused(name: str, hint: str, rod: Path) -> No
     assert not (rod.parent / "out").exists()
 
 
+@pytest.mark.slow
 @compiled
 def test_a_choice_of_one_model_of_several_is_no_mistake(rod: Path) -> None:
     """The other has no runs, and its formulations that choose say why."""
@@ -112,6 +113,7 @@ def test_what_does_not_go_together_is_refused_with_the_reason(rod: Path) -> None
     assert not (rod.parent / "out").exists()
 
 
+@pytest.mark.slow
 @compiled
 def test_runs_that_there_was_no_time_for_are_counted(rod: Path) -> None:
     given: dict[str, Any] = {"time": 0.1, "tolerances": [1e-6], "integrators": ["dop853"]}
@@ -184,6 +186,7 @@ def test_one_case_is_one(rod: Path) -> None:
     assert outcomes(found.rows).startswith("1 extreme case: ")
 
 
+@pytest.mark.slow
 @compiled
 def test_one_run_is_one(rod: Path) -> None:
     given: dict[str, Any] = {"time": 0.1, "tolerances": [1e-6], "integrators": ["dop853"]}

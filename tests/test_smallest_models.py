@@ -202,6 +202,7 @@ ELLIPSOID = {
 }
 
 
+@pytest.mark.slow
 def test_the_page_of_a_rolling_ellipsoid(tmp_path):
     """Terms over a root that cancel each other, or that another root took."""
     path = written(tmp_path, ELLIPSOID)

@@ -167,6 +167,7 @@ def test_both_agree_with_what_is_written_out(
         assert np.max(np.abs(alone - found)) <= 1e-11 * size
 
 
+@pytest.mark.slow
 def test_the_numpy_text_does_not_grow_with_the_row() -> None:
     texts = [emit(program(equations(system(load_text(four_bars(n)), "all")))) for n in (40, 120)]
     first, longer = (len(text["_numpy.py"]) for text in texts)

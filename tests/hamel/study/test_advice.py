@@ -101,6 +101,7 @@ def test_a_choice_of_one_model_of_several_is_no_mistake(rod: Path) -> None:
 # ---- no run
 
 
+@pytest.mark.slow
 @compiled
 def test_what_does_not_go_together_is_refused_with_the_reason(rod: Path) -> None:
     given: dict[str, Any] = {"time": 0.1, "tolerances": [1e-6], "out": rod.parent / "out"}

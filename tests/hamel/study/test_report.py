@@ -177,6 +177,7 @@ def test_nothing_is_computed_twice(
         next(series.outcomes(workers, [[series.Task(abs, {}, 1.0)]]))
 
 
+@pytest.mark.slow
 def test_libraries_share_the_seconds_of_all_runs(place: Path, tmp_path: Path) -> None:
     """With no time for anything the page says so of them, too."""
     asked = ASKED | {"tolerances": (1e-7,), "budget": 0.01}

@@ -30,7 +30,7 @@ class Place:
 def test_extremes_and_any_path(tmp_path: Path) -> None:
     file = arm().write(tmp_path / "arm.yaml")
     (here,) = hamel.extremes(arm()).rows
-    (there,) = hamel.extremes([Place(file)]).rows  # type: ignore[list-item]
+    (there,) = hamel.extremes([Place(file)]).rows
     assert here.outcome == there.outcome == "survived"
     assert hamel.check(Place(file)).model == "arm"
 

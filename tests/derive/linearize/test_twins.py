@@ -28,7 +28,7 @@ joints: {j: {type: prismatic, parent: ground, child: b, axis: x, coordinate: x}}
 inputs: {u: {joint: j}}
 loads:
   s: {type: spring, joint: j, stiffness: 10 N/m}
-  hit: {type: expression, joint: j, expression: "-(100 N/m)*max(0 m, x - 0.2 m)"}
+  hit: {type: expression, joint: j, expression: "FORCE"}
 steady_motion: {at: {x: PLACE, der(x): 0, u: free}}
 """
 
@@ -41,10 +41,18 @@ def test_modes_of_one_eigenvalue_are_independent(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "warns"), [("0.2 m", True), ("0.2001 m", False), ("0.1 m", False)]
+    ("force", "place", "warns"),
+    [
+        ("-(100 N/m)*max(0 m, x - 0.2 m)", "0.2 m", True),
+        ("-(100 N/m)*max(0 m, x - 0.2 m)", "0.2001 m", False),
+        ("-(100 N/m)*max(0 m, x - 0.2 m)", "0.1 m", False),
+        ("-(2 N)*sign(der(x))", "0 m", True),
+        ("-(3 N*s^2/m^2)*abs(der(x))*der(x)", "0 m", False),  # smooth, though |v| is not
+        ("-(3 N/m^2)*max(0 m, x - 0.2 m)^2", "0.2 m", False),
+    ],
 )
-def test_a_kink_is_told(place: str, warns: bool, tmp_path: Path, recwarn) -> None:
+def test_a_kink_is_told(force: str, place: str, warns: bool, tmp_path: Path, recwarn) -> None:
     file = tmp_path / "stop.yaml"
-    file.write_text(STOP.replace("PLACE", place), encoding="utf-8")
+    file.write_text(STOP.replace("PLACE", place).replace("FORCE", force), encoding="utf-8")
     hamel.linearize(file, at="at")
     assert any("jumps or bends exactly here" in str(x.message) for x in recwarn) == warns

@@ -155,10 +155,10 @@ def _start(motion: Motion, span: Any) -> None:
     if any(motion.facts.guards):
         begin(motion)
     is_based_anew(motion)
-    motion.refresh()
+    at = state["t"]
     if motion.facts.lengths["kinks"]:  # a motion that begins at one goes on with what is behind it
-        moment = 64 * np.finfo(motion.facts.real).eps * max(abs(state["t"]), span)
-        state["slope"] = motion.slope(state["t"] + moment, state["x"])
+        at = at + 64 * np.finfo(motion.facts.real).eps * max(abs(at), span)
+    state["slope"] = motion.slope(at, state["x"])
     state["next_step"] = state["step_size"] or _first_step(motion, span)
     state["error"] = RESTART
     if motion.facts.lengths["kinks"]:

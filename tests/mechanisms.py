@@ -60,6 +60,7 @@ TREE = (
     "free",
     "free quaternion",
     "fixed",
+    "ball euler",
 )
 LOOPS = {
     "revolute": 5,
@@ -184,7 +185,7 @@ class Parts:
         """One more body, on a joint of the given kind to an earlier body (0 is the ground)."""
         name, i = kind.split()[0], len(self.bodies)
         orientation = {"free": "zyx", "free quaternion": "quaternion"}.get(kind, "")
-        if kind == "free":
+        if kind in ("free", "ball euler"):
             orientation = str(self.rng.choice(["zyx", "zxy", "xyz", "zxz"]))
         table = joint_type(name, orientation)
         axis = np.array([0.0, 0.0, 1.0]) if name == "planar" else any_axis(self.rng)

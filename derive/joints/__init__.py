@@ -1,7 +1,7 @@
 """Joint types: one file each, one line each in JOINTS."""
 
 from derive.expressions.scalars import Scalar
-from derive.joints.ball import BALL
+from derive.joints.ball import BALL, ball_joint
 from derive.joints.cylindrical import CYLINDRICAL
 from derive.joints.fixed import FIXED
 from derive.joints.free import FLOATING, FREE, free_joint
@@ -24,10 +24,12 @@ PLANAR_CLOSURES = tuple(
 
 
 def joint_type(name: str, orientation: str = "", pitch: Scalar = 1.0) -> JointType:
-    """The table of a joint type; for a free joint with the Euler sequence `orientation` or
+    """The table of a joint type; for a free or ball joint with the Euler sequence `orientation` or
     "quaternion", for a screw with its pitch (m a turn). Raises KeyError for an unknown name."""
     if name == "free" and orientation:
         return FLOATING if orientation == "quaternion" else free_joint(orientation)
+    if name == "ball" and orientation:
+        return BALL if orientation == "quaternion" else ball_joint(orientation)
     if name == "screw":
         return screw_joint(pitch)
     return {joint.name: joint for joint in JOINTS}[name]

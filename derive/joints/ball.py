@@ -1,5 +1,5 @@
-"""Ball joint: any rotation about a point, as a unit quaternion (w, x, y, z); generalized velocity =
-ω in the child's frame.
+"""Ball joint: any rotation about a point, as a unit quaternion (w, x, y, z) or by Euler angles;
+generalized velocity = ω in the child's frame.
 
 q̇ = ½ q ∘ (0, ω). The rotation matrix divides by |q|², so that it is orthogonal for every
 quaternion but zero; the norm is a matter for `normalise` and `project`, never for the equations of
@@ -7,10 +7,13 @@ motion.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.joints.euler import ANGLES, angle_rates
 from derive.joints.records import JointType, Rotation, Slot, Still, meeting
 from derive.joints.rotations import dot
+from derive.joints.turns import euler_rotation
 
 UNIT_VECTORS = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
 QUATERNION = tuple(Slot(s, "1") for s in ("qw", "qx", "qy", "qz"))
@@ -75,3 +78,17 @@ BALL = JointType(
     unit_from=0,
     closing=meeting,
 )
+
+
+def ball_joint(sequence: str) -> JointType:
+    """The ball joint with Euler angles (θ₁, θ₂, θ₃) of the given intrinsic sequence, such as "zxz",
+    as coordinates; v = ω in the child's frame as with a quaternion, so that Euler's equations are
+    the same. It closes no loop by itself: a closure has no coordinates."""
+    return replace(
+        BALL,
+        about="any rotation about a point, by Euler angles",
+        coordinates=ANGLES,
+        rotation=lambda q, axis: euler_rotation(sequence, q),
+        rates=lambda q, v, axis: angle_rates(sequence, q, v),
+        unit_from=-1,
+    )

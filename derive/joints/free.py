@@ -2,8 +2,7 @@
 child's frame.
 
 Position first, then orientation as Euler angles of any sequence (intrinsic) or as a unit quaternion
-(FLOATING). Inverse of ω = Σ axisᵢ θ̇ᵢ in closed form: for a sequence i, j, k about different axes N
-is regular away from θ₂ = ±90°, for i, j, i away from θ₂ = 0.
+(FLOATING).
 """
 
 from collections.abc import Sequence
@@ -11,23 +10,10 @@ from dataclasses import replace
 
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints.ball import QUATERNION, quaternion_matrix, quaternion_rates, quaternion_rotation
+from derive.joints.euler import ANGLES, angle_rates
 from derive.joints.records import JointType, Rotation, Slot
-from derive.joints.rotations import cross, dot, matrix, principal_rotation, rotated, transpose
+from derive.joints.rotations import matrix, rotated
 from derive.joints.turns import UNIT, euler_rotation
-
-
-def _angle_rates(sequence: str, angles: Sequence[Scalar], omega: Sequence[Scalar]) -> Vector:
-    """θ̇ from ω: θ̇₁ and θ̇₂ along the dual axes, taken in the frame before the last turn where
-    they are single components."""
-    # components of ω in the frame before the last turn
-    before = rotated(principal_rotation(sequence[2], angles[2]), omega)
-    first = rotated(transpose(principal_rotation(sequence[1], angles[1])), UNIT[sequence[0]])
-    second, third = UNIT[sequence[1]], UNIT[sequence[2]]
-    across = cross(
-        second, third
-    )  # first = a across + b third, and a vanishes at the singular attitude
-    theta1 = dot(across, before) / dot(across, first)
-    return [theta1, dot(second, before), dot(third, before) - dot(third, first) * theta1]
 
 
 def _motion(q: Sequence[Scalar], axis: Sequence[Scalar]) -> list[Vector]:
@@ -55,13 +41,12 @@ def free_joint(sequence: str) -> JointType:
         E is singular where the middle angle makes first and last axis parallel (gimbal lock): a
         pivot of the joint and not of the mechanics.
         """
-        return [*rotated(matrix(rotation(q, axis)), v[:3]), *_angle_rates(sequence, q[3:], v[3:])]
+        return [*rotated(matrix(rotation(q, axis)), v[:3]), *angle_rates(sequence, q[3:], v[3:])]
 
     return JointType(
         name="free",
         about="six degrees of freedom; generalized velocities in the body's frame",
-        coordinates=tuple(Slot(s, "m") for s in "xyz")
-        + tuple(Slot(f"angle{i}", "rad") for i in (1, 2, 3)),
+        coordinates=(*(Slot(s, "m") for s in "xyz"), *ANGLES),
         velocities=tuple(Slot(f"v{s}", "m/s") for s in "xyz")
         + tuple(Slot(f"w{s}", "rad/s") for s in "xyz"),
         needs_axis=False,

@@ -24,6 +24,7 @@ from derive.model.scope import CONSTANT, INPUT, TIME
 Inertia = tuple[Expression, Expression, Expression, Expression, Expression, Expression]
 POINT_MASS: Inertia = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
 INERTIA_UNIT = "kg*m^2"
+PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of the six numbers in the tensor
 ABOUT = ("com", "origin")
 JET = CONSTANT | {TIME, INPUT}  # what an exhaust velocity may be a formula of
 WAIVER = "physical: false takes it as it is"
@@ -38,12 +39,14 @@ def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
     `physical: false` an impossible inertia is taken as it is, and noted. An inertia without mass is
     that of a rotor whose mass is in another body, and is noted too.
     """
-    allowed = _allowed(reader, key, entry)
+    moments = _given_moments(reader, entry)
+    allowed = _allowed(reader, key, entry, moments)
     mass = reader.formula(entry.mass, "a mass", allowed, "kg")
     first = _first_moment(reader, entry, mass)
     com = reader.point(entry.com, "a centre of mass") if first is None else over(first, mass)
-    inertia, about_origin = _inertia(reader, entry, mass, com, allowed)
-    _check_mass(reader, key, entry, mass, inertia)
+    tensor = POINT_MASS if moments is None else _moments(reader, moments, allowed)
+    inertia, about_origin = _inertia(reader, entry, tensor, mass, com)
+    _check_mass(reader, key, entry, moments, mass, inertia)
     about = entry.about.text if entry.about else ""
     return Body(str(key), mass, com, inertia, key.span, first, about_origin, about)
 
@@ -72,13 +75,47 @@ def _first_moment(reader: Reader, entry: BodyEntry, mass: Expression) -> Vector3
     return reader.point(entry.first_moment, "a first moment", unit="kg*m")
 
 
-def _allowed(reader: Reader, key: Key, entry: BodyEntry) -> frozenset[str]:
+def _given_moments(reader: Reader, entry: BodyEntry) -> Scalar | Items | None:
+    """One, three or six numbers of the file: of a matrix the six in and above its diagonal."""
+    given = entry.inertia
+    node = given.tensor if isinstance(given, InertiaEntry) else given
+    if not isinstance(node, Items) or not any(isinstance(line, Items) for line in node):
+        return node
+    if len(node) != 3 or not all(map(_is_row, node)):
+        rows_of_three = "three rows of three numbers: [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]"
+        reader.report(node.span, "this is not a matrix of moments of inertia", rows_of_three)
+        return None
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        if not _agree(reader, node[i][j], node[j][i]):
+            problem = f"'{node[j][i].text}' here and '{node[i][j].text}' across the diagonal"
+            reader.report(node[j][i].span, problem, "the same: a tensor of inertia is symmetric")
+    return Items([node[i][j] for i, j in PLACES], node.span)
+
+
+def _is_row(line: object) -> bool:
+    return isinstance(line, Items) and len(line) == 3 and all(isinstance(x, Scalar) for x in line)
+
+
+def _agree(reader: Reader, above: Scalar, below: Scalar) -> bool:
+    """Written alike, or alike in value, as 0 and -0 are."""
+    if above.text == below.text:
+        return True
+    first, second = (_moment(reader, x, CONSTANT | {TIME}) for x in (above, below))
+    return reader.value(first, above) == reader.value(second, below)
+
+
+def _moment(reader: Reader, scalar: Scalar, allowed: frozenset[str]) -> Expression:
+    return reader.formula(scalar, "a moment of inertia", allowed, INERTIA_UNIT)
+
+
+def _allowed(
+    reader: Reader, key: Key, entry: BodyEntry, moments: Scalar | Items | None
+) -> frozenset[str]:
     """Of which names mass and inertia may be formulas: of t only where it is said what leaves the
     body. Else matter would vanish, and nobody could say with which momentum."""
     if entry.exhaust is not None:
         return CONSTANT | {TIME}
-    own = entry.inertia.tensor if isinstance(entry.inertia, InertiaEntry) else entry.inertia
-    for node in (entry.mass, *(own if isinstance(own, Items) else [own] if own else [])):
+    for node in (entry.mass, *_scalars(moments)):
         if _uses_time(reader, node):
             reader.report(
                 node.span,
@@ -87,6 +124,10 @@ def _allowed(reader: Reader, key: Key, entry: BodyEntry) -> frozenset[str]:
             )
             return CONSTANT | {TIME}
     return CONSTANT
+
+
+def _scalars(moments: Scalar | Items | None) -> list[Scalar]:
+    return [] if moments is None else [moments] if isinstance(moments, Scalar) else list(moments)
 
 
 def _uses_time(reader: Reader, scalar: Scalar) -> bool:
@@ -119,26 +160,18 @@ def exhausts(reader: Reader, bodies: Mapping[Key, BodyEntry], found: Sequence[Bo
 
 
 def _inertia(
-    reader: Reader,
-    entry: BodyEntry,
-    mass: Expression,
-    com: Vector3,
-    allowed: frozenset[str],
+    reader: Reader, entry: BodyEntry, tensor: Inertia, mass: Expression, com: Vector3
 ) -> tuple[Inertia, Inertia | None]:
     """About the centre of mass, and about the origin where the file gives that."""
-    given = entry.inertia
-    if given is None:
-        return POINT_MASS, None
-    if not isinstance(given, InertiaEntry):
-        return _moments(reader, given, allowed), None
-    return _carried(reader, given, _moments(reader, given.tensor, allowed), mass, com)
+    if isinstance(entry.inertia, InertiaEntry):
+        return _carried(reader, entry.inertia, tensor, mass, com)
+    return tensor, None
 
 
 def _moments(reader: Reader, node: Scalar | Items, allowed: frozenset[str]) -> Inertia:
-    what = "a moment of inertia"
     if isinstance(node, Scalar):
-        return _one_moment(reader, reader.formula(node, what, allowed, INERTIA_UNIT))
-    entries = [reader.formula(entry, what, allowed, INERTIA_UNIT) for entry in node]
+        return _one_moment(reader, _moment(reader, node, allowed))
+    entries = [_moment(reader, entry, allowed) for entry in node]
     if reader.space.plane and len(entries) == 1:
         return _one_moment(reader, entries[0])
     if reader.space.plane or len(entries) not in (3, 6):
@@ -180,8 +213,7 @@ def _six(reader: Reader, tensor: Rows) -> Inertia:
     if reader.space.plane:
         n = reader.space.normal_index
         return _one_moment(reader, _in_units(tensor[n][n]))
-    places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    entries = [_in_units(tensor[i][j]) for i, j in places]
+    entries = [_in_units(tensor[i][j]) for i, j in PLACES]
     return (entries[0], entries[1], entries[2], entries[3], entries[4], entries[5])
 
 
@@ -194,15 +226,19 @@ def _in_units(moment: Expression) -> Expression:
 
 
 def _check_mass(
-    reader: Reader, key: Key, entry: BodyEntry, mass: Expression, inertia: Inertia
+    reader: Reader,
+    key: Key,
+    entry: BodyEntry,
+    given_moments: Scalar | Items | None,
+    mass: Expression,
+    inertia: Inertia,
 ) -> None:
     given = reader.value(mass, entry.mass)
     if given is not None and given < 0.0:
         reader.report(entry.mass.span, f"the mass of '{key}' is {given:g} kg", "zero or more")
-    if entry.inertia is None:
+    if given_moments is None:
         return
-    node = entry.inertia.tensor if isinstance(entry.inertia, InertiaEntry) else entry.inertia
-    scalars = [node] if isinstance(node, Scalar) else list(node)
+    scalars = _scalars(given_moments)
     moments = [
         0.0 if moment == ZERO else reader.value(moment, scalars[0]) for moment in inertia if scalars
     ]
@@ -216,7 +252,7 @@ def _check_mass(
     if impossible is None:
         return
     if reader.answer(entry.physical, otherwise=True):
-        reader.report(node.span, *impossible, WAIVER)
+        reader.report(given_moments.span, *impossible, WAIVER)
     else:
         reader.notes.append(f"{impossible[0]}, and it is taken as it is")
 
@@ -225,10 +261,7 @@ def _largest(reader: Reader, scalars: list[Scalar]) -> float:
     """Of the moments as they stand in the file: rounding in what they are moved to is small against
     it."""
     values = [
-        reader.value(
-            reader.formula(scalar, "a moment of inertia", CONSTANT | {TIME}, INERTIA_UNIT), scalar
-        )
-        for scalar in scalars
+        reader.value(_moment(reader, scalar, CONSTANT | {TIME}), scalar) for scalar in scalars
     ]
     return max((abs(value) for value in values if value is not None), default=0.0)
 

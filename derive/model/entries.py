@@ -12,12 +12,12 @@ from pydantic import Field, Tag
 
 from derive.model.keys import (
     Constant,
-    ConstantOrList,
     Constants,
     Direction,
     Entry,
     Formula,
     Formulas,
+    Moments,
     Named,
     NameList,
     Nested,
@@ -28,6 +28,7 @@ from derive.model.keys import (
     Word,
     is_list,
     is_mapping,
+    is_pair,
     is_scalar,
     term,
     told_by,
@@ -96,8 +97,9 @@ class CoordinateEntry(Entry):
 class InertiaEntry(Entry):
     """An inertia tensor with the point and the frame it refers to."""
 
-    tensor: ConstantOrList = Field(
-        description="One, three (xx, yy, zz) or six (xx, yy, zz, xy, xz, yz) entries.",
+    tensor: Moments = Field(
+        description="One, three (xx, yy, zz) or six (xx, yy, zz, xy, xz, yz) entries, or the "
+        "matrix.",
         json_schema_extra=term("J in T = ½ ω·J ω", "kg*m^2"),
     )
     about: Word | None = Field(
@@ -117,8 +119,16 @@ class InertiaEntry(Entry):
 Inertia = Annotated[
     Annotated[Constant, Tag("<a formula>")]
     | Annotated[Constants, Tag("<a list>")]
+    | Annotated[Nested, Tag("<a matrix>")]
     | Annotated[InertiaEntry, Tag("<a mapping>")],
-    told_by(**{"a formula": is_scalar, "a list": is_list, "a mapping": is_mapping}),
+    told_by(
+        **{
+            "a formula": is_scalar,
+            "a matrix": is_pair,
+            "a list": is_list,
+            "a mapping": is_mapping,
+        }
+    ),
 ]
 
 
@@ -158,8 +168,8 @@ class BodyEntry(Entry):
     inertia: Inertia | None = Field(
         None,
         description="About the centre of mass: one moment in a planar model; in space one (a "
-        "sphere), three (xx, yy, zz) or six (xx, yy, zz, xy, xz, yz, tensor entries); or a "
-        "mapping that says which point and frame it refers to.",
+        "sphere), three (xx, yy, zz) or six (xx, yy, zz, xy, xz, yz, tensor entries), or the "
+        "matrix in three rows; or a mapping that says which point and frame it refers to.",
         json_schema_extra=term("J in T = ½ ω·J ω", "kg*m^2", "0, a point mass"),
     )
     exhaust: ExhaustEntry | None = Field(
@@ -303,9 +313,11 @@ class JointEntry(TurnedEntry):
     )
     orientation: Orientation | None = Field(
         None,
-        description="Free joint: quaternion, or a mapping with an Euler sequence and names of "
-        "the angles.",
-        json_schema_extra=term("names and kind of the other entries of q", otherwise="quaternion"),
+        description="Free or ball joint: quaternion, or a mapping with an Euler sequence and names "
+        "of the angles.",
+        json_schema_extra=term(
+            "names and kind of the entries of q that turn", otherwise="quaternion"
+        ),
     )
     limits: Constants | None = Field(
         None,

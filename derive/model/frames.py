@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # the joint tables bring casadi along
     from derive.joints.records import JointType
 
 QUATERNION = "quaternion"
+TURNING = ("free", "ball")  # joints whose orientation is a quaternion or Euler angles
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ def frame(reader: Reader, key: Key, entry: JointEntry) -> Frame | None:
             entry.type.span, f"a {kind} joint in a planar model", listed(PLANAR_JOINTS), hint
         )
         return None
-    orientation = _orientation(reader, entry) if kind == "free" else ""
+    orientation = _orientation(reader, entry) if kind in TURNING else ""
     table = joint_type(kind, orientation)
     coordinates = _coordinates(reader, key, entry, table)
     return Frame(key, entry, table, orientation, coordinates, _velocities(key, table, coordinates))
@@ -137,25 +138,29 @@ def _coordinates(
     )
 
 
-# keys of free joints alone: what others have, and where else one may look
+# what other joints have in the place of a key, and where else one may look
 _INSTEAD = {
     "position": ("coordinate or coordinates", "where the joint is stands under `at:`"),
     "orientation": (
         "coordinate or coordinates",
-        "free joints alone have Euler angles; of a ball they are three revolute joints",
+        "free and ball joints alone have quaternions or Euler angles",
     ),
 }
+
+
+def _misplaced(entry: JointEntry, table: JointType) -> Iterator[str]:
+    """The keys of other joints that it has: free ones alone have a position, free and ball joints
+    an orientation."""
+    if entry.position is not None and table.name != "free":
+        yield "position"
+    if entry.orientation is not None and table.name not in TURNING:
+        yield "orientation"
 
 
 def _given_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) -> list[Scalar]:
     """The names the file gives to the coordinates, in the order of the table; [] where it leaves
     them to us."""
-    free = table.name == "free"
-    for wrong in (
-        []
-        if free
-        else [name for name in ("position", "orientation") if getattr(entry, name) is not None]
-    ):
+    for wrong in _misplaced(entry, table):
         given = getattr(entry, wrong)
         reader.report(
             key.span if isinstance(given, OrientationEntry) else given.span,
@@ -164,12 +169,15 @@ def _given_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) 
         )
     if entry.coordinate is not None:
         return _counted(reader, key, [entry.coordinate], table, entry.coordinate.span)
+    free = table.name == "free"
     places = entry.position
     if free and places is None and entry.coordinates is not None and len(entry.coordinates) == 3:
         places = entry.coordinates
     elif entry.coordinates is not None:
         return _counted(reader, key, list(entry.coordinates), table, entry.coordinates.span)
-    return _free_names(reader, key, entry, table, places) if free else []
+    if free:
+        return _free_names(reader, key, entry, table, places)
+    return _turning_names(reader, key, entry, table) if table.name in TURNING else []
 
 
 def _counted(
@@ -179,12 +187,12 @@ def _counted(
         return names
     slots = [slot.suffix or slot.unit for slot in table.coordinates]
     wanted = f"{len(slots)}: [{', '.join(slots)}]" if slots else "none"
-    angles = table.name == "free" and len(names) == 6
+    angles = len(names) == {"free": 6, "ball": 3}.get(table.name)
     reader.report(
         span,
         f"{len(names)} coordinate{'s' * (len(names) != 1)} of the {table.name} joint '{key}'",
         wanted,
-        "three angles take orientation: {euler: zyx}" if angles else "",
+        "angles take a sequence of axes: orientation: {euler: zyx}" if angles else "",
     )
     return []
 
@@ -193,18 +201,24 @@ def _free_names(
     reader: Reader, key: Key, entry: JointEntry, table: JointType, places: Items | None
 ) -> list[Scalar]:
     """Position first, then the angles or the entries of the quaternion."""
+    suffixes = [slot.suffix for slot in table.coordinates[:3]]
+    return _named(reader, key, places, suffixes, "position") + _turning_names(
+        reader, key, entry, table
+    )
+
+
+def _turning_names(reader: Reader, key: Key, entry: JointEntry, table: JointType) -> list[Scalar]:
+    """The angles, or the entries of the quaternion: the last coordinates of the joint."""
     given = entry.orientation if isinstance(entry.orientation, OrientationEntry) else None
-    turned = (
+    names = (
         None
         if given is None
         else given.quaternion
         if given.quaternion is not None
         else given.angles
     )
-    suffixes = [slot.suffix for slot in table.coordinates]
-    return _named(reader, key, places, suffixes[:3], "position") + _named(
-        reader, key, turned, suffixes[3:], "orientation"
-    )
+    suffixes = [slot.suffix for slot in table.coordinates if slot.suffix not in tuple("xyz")]
+    return _named(reader, key, names, suffixes, "orientation")
 
 
 def _named(

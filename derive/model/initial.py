@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 from derive.model import quaternions
-from derive.model.document import Key, Scalar
+from derive.model.document import Key, Scalar, described
 from derive.model.frames import Frame
 from derive.model.reader import Reader
 from derive.model.records import InitialValue
@@ -54,9 +56,19 @@ def _initial(
             "one of the two",
         )
         return
-    value = reader.of_parameters(scalar, f"the initial {key}", unit=_unit(reader, name, known))
-    reader.value(value, scalar)
+    unit_of_it = _unit(reader, name, known)
+    value = reader.of_parameters(scalar, f"the initial {key}", unit=unit_of_it)
+    number = reader.value(value, scalar)
+    if number is not None and unit_of_it == "rad" and _looks_like_degrees(scalar, number):
+        reader.notes.append(
+            f"'{key}' starts at {number:g} rad, as no unit is said; degrees are {number:g} deg"
+        )
     found[name] = InitialValue(name, value, held, key.span)
+
+
+def _looks_like_degrees(scalar: Scalar, number: float) -> bool:
+    """A round number beyond a whole turn, without a unit."""
+    return described(scalar) == "a number" and abs(number) > 2.0 * math.pi and number % 5.0 == 0.0
 
 
 def _unit(reader: Reader, name: str, known: Speeds) -> str | None:

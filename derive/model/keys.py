@@ -170,6 +170,12 @@ ConstantOrList = Annotated[
     Annotated[Constant, Tag("<a formula>")] | Annotated[Constants, Tag("<a list>")],
     told_by(**{"a formula": is_scalar, "a list": is_list}),
 ]
+Moments = Annotated[
+    Annotated[Constant, Tag("<a formula>")]
+    | Annotated[Constants, Tag("<a list>")]
+    | Annotated[Nested, Tag("<a matrix>")],
+    told_by(**{"a formula": is_scalar, "a matrix": is_pair, "a list": is_list}),
+]
 TextOrList = Annotated[
     Annotated[Text, Tag("<a text>")] | Annotated[Texts, Tag("<a list>")],
     told_by(**{"a text": is_scalar, "a list": is_list}),

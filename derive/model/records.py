@@ -153,8 +153,8 @@ class Body:
 
 @dataclass(frozen=True)
 class Joint:
-    """`orientation` is "" or, for a free joint, "quaternion" or an Euler sequence such as "zxy"
-    (intrinsic).
+    """`orientation` is "" or, for a free or ball joint, "quaternion" or an Euler sequence such as
+    "zxy" (intrinsic).
 
     `pitch` (m per turn) is a screw's; `axis2` a universal joint's second axis, at right angles to
     `axis`; `limits` of the first coordinate are for readers, no force comes of them.

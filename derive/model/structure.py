@@ -16,6 +16,7 @@ from derive.model.keys import Entry
 from derive.model.records import Span
 from derive.model.shape import Document
 
+COMMA = 'inside { } and [ ] a formula with a comma stands in quotes: "max(a, b)"'
 Shape = TypeVar("Shape", bound=Entry)
 
 
@@ -59,6 +60,8 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
         unit = isinstance(place, Scalar) and details["loc"][0] == "inputs" and _is_unit(place.text)
         text = place.text if isinstance(place, Scalar) else ""
         hint = f"its unit alone is {{unit: {text}}}" if unit else ""
+        if details["loc"][0] == "bodies" and len(details["loc"]) == 2 and text:
+            hint = f"{key}: {{mass: {text}}} for a point mass"
         expected = f"a mapping with {listed(context['keys'])}"
         yield source.diagnostic(place.span, _instead(key, place), expected, hint)
     elif kind == "not_a_list" and isinstance(details["loc"][-1], int):
@@ -69,6 +72,7 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
         )
     else:
         expected = _EXPECTED.get(kind, str(details["msg"]))
+        hint = _as_it_should_be(kind, details["loc"][0], key, place)
         if details["loc"][0] == "forces" and isinstance(place, Entries):
             expected = (
                 "a formula for each coordinate; springs, dampers, forces and torques with a type "
@@ -76,7 +80,31 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
             )
         if kind == "not_a_list" and key == "gravity":
             expected += " of its components: [0, 0, -9.81], or [0, -9.81] in a plane"
-        yield source.diagnostic(place.span, _instead(key, place), expected)
+        yield source.diagnostic(place.span, _instead(key, place), expected, hint)
+
+
+def _as_it_should_be(kind: str, section: str, key: Key | None, found: Node) -> str:
+    """What stands there, in the form that was expected, where it is plain which that is."""
+    match found:
+        case Scalar(text=text) if kind == "not_a_list" and text and not set(text) & set("[]{}"):
+            return f"in brackets: {key}: [{text}]"
+        case Entries() if any(name.count(")") > name.count("(") for name in found):
+            return COMMA
+        case Entries() if kind == "not_a_list" and found and set(found) <= {"x", "y", "z"}:
+            values = [found[name] for name in sorted(found)]
+            if all(isinstance(value, Scalar) for value in values):
+                return f"in brackets: {key}: [{', '.join(value.text for value in values)}]"
+        case Entries() if kind == "is_instance_of" and len(found) == 1:
+            (value,) = found.values()
+            if isinstance(value, Scalar):
+                return f"its value alone: {key}: {value.text}"
+        case Scalar() if kind == "dict_type" and section == "steady_motion":
+            return f"motions have names: steady_motion: {{a_name: {{{key}: {found.text}, …}}}}"
+        case Items() if kind == "dict_type":
+            return f"each with a name of its own: {key}: {{a_name: …, another: …}}"
+        case _:
+            pass
+    return ""
 
 
 _EXPECTED: dict[str, str] = {
@@ -166,12 +194,26 @@ _OTHER_WORDS = {
 }
 
 
+# what stands elsewhere: the key, one that is known beside it, and where it stands
+_ELSEWHERE = {
+    "initial": {"child": "initial values stand under `initial:` of the model, by coordinate"},
+    "radius": {"shape": "a radius is one of the shape: shape: {wheel: {radius: …}}, disk, sphere"},
+    "mass": {"child": "masses stand in `bodies:`"},
+    "inertia": {"child": "inertias stand in `bodies:`; that of a motor is `armature`"},
+    "gravity": {"mass": "gravity stands at the top of the file"},
+    "coordinate": {"mass": "coordinates are named by joints"},
+}
+
+
 def _near_key(name: str, keys: Collection[str]) -> str:
     if name.count(")") > name.count("("):  # the rest of {tension: max(a, b)}
-        return 'inside { } and [ ] a formula with a comma stands in quotes: "max(a, b)"'
+        return COMMA
     word, colon, _ = name.partition(":")
     if colon and word in keys:
         return f"a blank stands behind the colon: {word}: …"
+    for beside, hint in _ELSEWHERE.get(name, {}).items():
+        if beside in keys:
+            return hint
     others = [word for word in _OTHER_WORDS.get(name, ()) if word in keys]
     return f"did you mean '{others[0]}'?" if others else did_you_mean(name, keys)
 

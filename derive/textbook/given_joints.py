@@ -62,7 +62,7 @@ def _type(doc: Manuscript, x: Joint) -> Runs:
 
 
 def _turning(x: Joint) -> str:
-    """How a free joint turns."""
+    """How a free joint turns, or a ball joint."""
     if not x.orientation:
         return ""
     if x.orientation == "quaternion":

@@ -121,6 +121,8 @@ def _draw(
 def recommendation(record: Choices) -> str:
     """Which choice to take, and why, in a sentence or two."""
     best = record.choices[0]
+    if not best.rows:
+        return "No freedom is left: there are no quasi-velocities to choose."
     text = (
         f"Take '{best.name}': the condition number of [A; B] is {best.condition:.3g} at the start "
         f"and at most {best.worst:.3g} at the states looked at, for {best.operations} operations."
@@ -145,7 +147,7 @@ def show(record: Choices, console: Console) -> None:
     rows = [
         (
             *(
-                shortened(r.name),
+                shortened(r.name or "none"),
                 listed(r.rows),
                 f"{r.condition:.3g}",
                 f"{r.worst:.3g}",
@@ -169,7 +171,7 @@ def show(record: Choices, console: Console) -> None:
     )
     table(console, head, rows, right=range(2, len(head) - 1))
     for pivot in record.choices[0].pivots if record.choices else ():
-        console.print(f"{shortened(record.choices[0].name)}: {pivot}")
+        console.print(f"{shortened(record.choices[0].name or 'none')}: {pivot}")
     refusals(record.refused, console)
     console.print(
         "violation: |φ| after a Runge–Kutta step that moves by 0.1, or the roundoff of A v − c "

@@ -65,6 +65,8 @@ def coordinates(scene: Scene, wanted: Sequence[str]) -> list[Note]:
                 notes += _shifts(scene, anchor)
             case "free":
                 notes += _free(scene, anchor)
+            case "ball":
+                notes += _euler(scene, anchor, anchor.coordinates)
             case "universal":
                 notes += _universal(scene, anchor)
             case "cylindrical":
@@ -318,8 +320,17 @@ def _free(scene: Scene, anchor: Anchor) -> list[Note]:
     axes = [frame[:, k] for k in range(3)]
     values = [float((end - scene.place(anchor.spot(0))) @ axis) for axis in axes]
     notes = _offsets(scene, end, axes, values, anchor.coordinates[:3])
+    return notes + _euler(scene, anchor, anchor.coordinates[3:])
+
+
+def _euler(scene: Scene, anchor: Anchor, angles: Sequence[str]) -> list[Note]:
+    """Each Euler angle about its axis, which the angles before it have turned; none of a
+    quaternion."""
+    notes: list[Note] = []
+    end = scene.place(anchor.spot(1))
+    frame = scene.pose(anchor.bodies[0]).rotation @ anchor.frames[0]
     sequence = anchor.orientation if len(anchor.orientation) == 3 else ""
-    for k, (letter, name) in enumerate(zip(sequence, anchor.coordinates[3:])):
+    for k, (letter, name) in enumerate(zip(sequence, angles)):
         axis = frame[:, "xyz".index(letter)]
         notes.append(about(scene, end, axis, symbol(scene, name), "dimension", 40.0 + 4 * k))
         frame = frame @ _rotation(letter, scene.numbers.names[name])

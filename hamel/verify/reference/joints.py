@@ -87,10 +87,14 @@ def universal(axis2: Array) -> Callable[[Array, Array, Array], Motion]:
     return motion
 
 
-def ball(q: Array, v: Array, axis: Array) -> Motion:
-    """Quaternion (w, x, y, z) and the angular velocity in the child's frame."""
-    R, spin, drift = _orientation("quaternion", q, v)
-    return Motion(R, np.zeros(3), np.vstack([np.eye(3), np.zeros((3, 3))]), spin, drift)
+def ball(orientation: str) -> Callable[[Array, Array, Array], Motion]:
+    """The angular velocity in the child's frame, orientation by quaternion or Euler angles."""
+
+    def motion(q: Array, v: Array, axis: Array) -> Motion:
+        R, spin, drift = _orientation(orientation, q, v)
+        return Motion(R, np.zeros(3), np.vstack([np.eye(3), np.zeros((3, 3))]), spin, drift)
+
+    return motion
 
 
 def fixed(q: Array, v: Array, axis: Array) -> Motion:
@@ -158,7 +162,7 @@ def _euler(sequence: str, angles: Array, omega: Array) -> tuple[Array, Array, Ar
 
 _TABLE = {
     "revolute": revolute, "prismatic": prismatic, "planar": planar, "fixed": fixed,
-    "point": point, "cylindrical": cylindrical, "ball": ball,
+    "point": point, "cylindrical": cylindrical,
 }  # fmt: skip
 
 
@@ -169,6 +173,8 @@ def joint_motion(
     does not know."""
     if kind == "free":
         return free(orientation)
+    if kind == "ball":
+        return ball(orientation or "quaternion")
     if kind == "screw":
         return screw(pitch)
     if kind == "universal" and axis2 is not None:

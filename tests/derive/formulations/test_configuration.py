@@ -1,7 +1,7 @@
 """qdot, integrate, difference and normalise: the identities that define them, for every joint there
 is.
 
-Of derive.joints: ball, cylindrical, fixed, free, planar, prismatic, revolute, screw, universal.
+Of derive.joints: ball, cylindrical, euler, fixed, free, planar, prismatic, revolute, screw, universal.
 """
 
 from __future__ import annotations

@@ -279,6 +279,24 @@ def test_inertia_in_space() -> None:
         .inertia
     )
     assert six == tuple(Number(value) for value in (2.0, 2.0, 2.0, 0.1, 0.2, 0.3))
+    rows = "[[2, 1e-1, 0.2], [0.1, 2, 0.3], [0.2, 0.3, 2]]"
+    for written in (rows, f"{{tensor: {rows}, about: com}}"):
+        found = load_text(SPACE.replace("inertia: m*l^2/12", f"inertia: {written}"))
+        assert [number.value for number in found.bodies[0].inertia] == [
+            2.0,
+            2.0,
+            2.0,
+            0.1,
+            0.2,
+            0.3,
+        ]  # type: ignore[union-attr]
+
+
+def test_round_numbers_beyond_a_turn_are_noted_as_radians() -> None:
+    noted = load_text(ARM + "initial: {q: 30}\n").notes
+    assert noted == ("'q' starts at 30 rad, as no unit is said; degrees are 30 deg",)
+    for plain in ("30 deg", "30 rad", "6", "7.3"):
+        assert not load_text(ARM + f"initial: {{q: {plain}}}\n").notes
 
 
 def test_massless_bodies_and_point_masses() -> None:

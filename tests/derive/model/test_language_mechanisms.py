@@ -261,6 +261,18 @@ def test_a_free_joint_turns_by_a_quaternion_unless_the_file_says_otherwise() -> 
     assert euler.orientation == "zyx" and len(euler.coordinates) == 6
 
 
+def test_a_ball_joint_turns_by_a_quaternion_or_by_euler_angles() -> None:
+    silent, said = joint("type: ball"), joint("type: ball, orientation: quaternion")
+    assert silent.orientation == "quaternion" and silent.coordinates == said.coordinates
+    assert len(silent.coordinates) == 4
+    named = joint("type: ball, orientation: {euler: zxz, angles: [a, b, c]}")
+    assert named.orientation == "zxz" and named.coordinates == ("a", "b", "c")
+    short = joint("type: ball, orientation: {euler: zxz}, coordinates: [a, b, c]")
+    assert short.coordinates == ("a", "b", "c")
+    quaternion = joint("type: ball, orientation: {quaternion: [e0, e1, e2, e3]}")
+    assert quaternion.coordinates == ("e0", "e1", "e2", "e3")
+
+
 def test_a_coupling_knows_its_follower_and_a_gear_has_none() -> None:
     text = PLANAR + HINGES
     for kind, follower in (("coupling", "A"), ("gear", "")):

@@ -931,6 +931,92 @@ ERRORS = [
         "a blank stands behind the colon: mass: …",
     ),
     (
+        "names_without_brackets",
+        ARM.replace("revolute", "planar").replace("coordinate: q", "coordinates: '«x, y, turn'"),
+        "text under 'coordinates'",
+        "a list in [ ]",
+        "in brackets: coordinates: [x, y, turn]",
+    ),
+    (
+        "components_by_name",
+        ARM + "loads: {f: {type: force, body: b, components: «{x: 3, y: 2}}}\n",
+        "a mapping under 'components'",
+        "a list in [ ]",
+        "in brackets: components: [3, 2]",
+    ),
+    (
+        "comma_in_braces",
+        ARM + "loads: {f: {type: force, body: b, components: «{x: max(0, q), y: 2}}}\n",
+        "a mapping under 'components'",
+        "a list in [ ]",
+        'a formula with a comma stands in quotes: "max(a, b)"',
+    ),
+    (
+        "damper_as_a_mapping",
+        ARM.replace("coordinate: q", "coordinate: q, damper: «{coefficient: 3}"),
+        "a mapping under 'damper'",
+        "a text or a number",
+        "its value alone: damper: 3",
+    ),
+    (
+        "loads_without_names",
+        ARM + "loads:\n  «- {type: spring, joint: A, stiffness: 3}\n",
+        "a list under 'loads'",
+        "a mapping",
+        "each with a name of its own: loads: {a_name: …, another: …}",
+    ),
+    (
+        "a_mass_as_a_body",
+        PAIR.replace("a: {mass: m}", "a: «1 kg"),
+        "text under 'a'",
+        "a mapping with mass",
+        "a: {mass: 1 kg} for a point mass",
+    ),
+    (
+        "initial_in_a_joint",
+        ARM.replace("coordinate: q", "coordinate: q, «initial: 3"),
+        "unknown key 'initial'",
+        "type, parent, child",
+        "initial values stand under `initial:` of the model, by coordinate",
+    ),
+    (
+        "radius_beside_a_shape",
+        ARM + "constraints: {c: {type: rolling, body: b, «radius: 0.3}}\n",
+        "unknown key 'radius'",
+        "shape",
+        "a radius is one of the shape: shape: {wheel: {radius: …}}",
+    ),
+    (
+        "steady_motion_without_a_name",
+        ARM + "steady_motion: {q: «0}\n",
+        "a number under 'q'",
+        "a mapping",
+        "motions have names: steady_motion: {a_name: {q: 0, …}}",
+    ),
+    (
+        "three_angles_of_a_ball",
+        SPACE.replace("revolute", "ball").replace(
+            ", axis: z, coordinate: q", ", coordinates: «[a, b, c]"
+        ),
+        "3 coordinates of the ball joint 'A'",
+        "4: [qw, qx, qy, qz]",
+        "angles take a sequence of axes: orientation: {euler: zyx}",
+    ),
+    (
+        "inertia_of_two_rows",
+        SPACE.replace("m*l^2/12", "«[[1, 0, 0], [0, 1, 0]]"),
+        "this is not a matrix of moments of inertia",
+        "three rows of three numbers",
+        "",
+    ),
+    (
+        "inertia_that_is_not_symmetric",
+        SPACE.replace("m*l^2/12", "[[1, 0.1, 0], [«0.2, 1, 0], [0, 0, 1]]"),
+        "'0.2' here and '0.1' across the diagonal",
+        "a tensor of inertia is symmetric",
+        "",
+    ),
+    (
         "euler",
         SPACE.replace("revolute", "free").replace(
             ", axis: z, coordinate: q", ", orientation: {euler: «zzx}"

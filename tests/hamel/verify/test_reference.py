@@ -320,7 +320,7 @@ def test_rates_and_their_drift(text):
 
 JOINTS = {
     "revolute": (1, 1), "prismatic": (1, 1), "screw": (1, 1), "cylindrical": (2, 2), "universal": (2, 2), "planar": (3, 3),
-    "ball": (4, 3), "free": (6, 6), "free xyx": (6, 6), "free quaternion": (7, 6), "fixed": (0, 0),
+    "ball": (4, 3), "ball zxz": (3, 3), "free": (6, 6), "free xyx": (6, 6), "free quaternion": (7, 6), "fixed": (0, 0),
 }  # fmt: skip
 
 

@@ -64,8 +64,8 @@ class Estimate:
 def rows_of(equations: Equations, base: Base, motion: Measured) -> Rows:
     """The equations at the rows of a motion, filtered as it was."""
     p = parameters_of(equations)
-    x = np.hstack([motion.q, motion.w, motion.wdot])
-    state = np.hstack([motion.q, motion.w])
+    x = np.hstack([motion.q, motion.w, motion.wdot])  # of regressors, which know no states
+    state = np.hstack([motion.q, motion.w, motion.z])
     Y, rest, grip = (
         at_rows(
             function_of(equations, equations.request(name).function), motion.t, taken, motion.u, p

@@ -73,11 +73,13 @@ class Filter:
 
 @dataclass(frozen=True)
 class Measured:
-    """Rows of a motion over the quasi-velocities; `filter` None where accelerations were there."""
+    """Rows of a motion over the quasi-velocities; `filter` None where accelerations were there.
+    `z` are first-order states at their initial values: those that act on forces are refused."""
 
     t: Array
     q: Array
     w: Array
+    z: Array
     wdot: Array
     u: Array
     filter: Filter | None
@@ -110,13 +112,15 @@ def measured(equations: Equations, file: str | Path, cutoff: float | None) -> Me
     given = {n: smooth(columns[n]) for n in velocities if n in columns}
     v = _velocities(equations, t, q, given)
     u = np.column_stack([columns[x.name] for x in model.inputs])
-    w = _speeds(equations, t, q, v, u)
+    z = _rows(_initial_states(equations), len(t))
+    moving = _speeds(equations, t, q, np.hstack([v, z]), u)
+    w = moving[:, : moving.shape[1] - z.shape[1]]
     if low is None:
         wdot = _speed_rates(equations, t, q, v, np.column_stack([columns[n] for n in rates]))
     else:
         wdot = make_interp_spline(t, w, k=5)(t, 1)
     known = {"t", *names, *velocities, *rates, *(x.name for x in model.inputs)}
-    return Measured(t, q, w, wdot, u, low, _notes(columns, known, names, velocities, low))
+    return Measured(t, q, w, z, wdot, u, low, _notes(columns, known, names, velocities, low))
 
 
 @dataclass(frozen=True)
@@ -144,10 +148,10 @@ def recorded(equations: Equations, file: str | Path, cutoff: float | None) -> Re
     given = {x.name: columns[x.name] for x in model.velocities if x.name in columns}
     v = _velocities(equations, t, q, given)
     u = np.column_stack([np.empty((len(t), 0)), *(columns[x.name] for x in model.inputs)])
-    initial = system.parameters[len(system.own_parameters) :]
+    initial = _initial_states(equations)
     z = [columns.get(x.name, np.full(len(t), a)) for x, a in zip(model.states, initial)]
-    w = _speeds(equations, t, q, np.column_stack([v, *z]), u)
-    return Recorded(t, columns, u, np.column_stack([q, w]))
+    moving = _speeds(equations, t, q, np.column_stack([v, *z]), u)
+    return Recorded(t, columns, u, np.column_stack([q, moving]))
 
 
 def _time(file: str | Path, columns: dict[str, Array]) -> Array:
@@ -279,6 +283,11 @@ def _velocities(equations: Equations, t: Array, q: Array, given: dict[str, Array
     return v
 
 
+def _initial_states(equations: Equations) -> tuple[float, ...]:
+    system = equations.system
+    return system.parameters[len(system.own_parameters) :]
+
+
 def _rows(values: Sequence[float], count: int) -> Array:
     return np.tile(np.array(values, dtype=float), (count, 1))
 
@@ -296,7 +305,7 @@ def parameters_of(equations: Equations) -> tuple[float, ...]:
 
 
 def _speeds(equations: Equations, t: Array, q: Array, v: Array, u: Array) -> Array:
-    """w = B v."""
+    """(w, z) of (v, z): w = B v."""
     function = function_of(equations, "state")
     values = at_rows(function, t, np.hstack([q, v]), u, parameters_of(equations))
     return values[:, q.shape[1] :, 0]

@@ -222,6 +222,26 @@ def test_consistent_values_do_not_depend_on_how_unlike_the_noise_is(tmp_path, tr
         assert all(x.consistent == pytest.approx(x.weighted, rel=1e-12) for x in record.base)
 
 
+def test_first_order_states_that_act_on_no_force_change_nothing(motion, tmp_path):
+    _, _, names, rows = motion
+    write(tmp_path / "data.csv", names, rows)
+    found = []
+    for more in ("", "states: {f: {rate: (q1 - f)/(0.1 s), initial: 0.3 rad}}\n"):
+        (tmp_path / "arm.yaml").write_text(ARM + more)
+        record = hamel.identify(tmp_path / "arm.yaml", tmp_path / "data.csv")
+        found.append([x.weighted for x in record.base])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-12)
+
+
+def test_first_order_states_that_act_are_refused_by_name(motion, tmp_path):
+    _, _, names, rows = motion
+    write(tmp_path / "data.csv", names, rows)
+    late = ARM.replace("tau1: {joint: A}", "tau1: {joint: A, delay: 20 ms}")
+    (tmp_path / "arm.yaml").write_text(late)
+    with pytest.raises(AssumptionError, match="depend on first-order states"):
+        hamel.identify(tmp_path / "arm.yaml", tmp_path / "data.csv")
+
+
 def test_series_keep_the_limits_of_joints(motion):
     _, _, names, rows = motion
     q = rows[:, [names.index("q1"), names.index("q2")]]

@@ -12,11 +12,12 @@ derivative of N w + A⁺ c along the motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import MINORS, ROWS, SINGULAR
+from derive.choices.limits import MINORS, ROWS, SINGULAR, SQUARED
 from derive.choices.records import Frame, Guard
 from derive.choices.reduction import Reduction, symbols_for
 from derive.choices.redundancy import Independent
@@ -43,19 +44,58 @@ def orthonormal(
     """
     A = scalars(rows.A) if kept else []
     nv, nc = system.v.numel(), len(kept)
-    frame = None
-    basis: tuple[list[Vector], Vector]
-    if nv == nc:
-        basis = [], []
-    elif nv - nc == 1 and nc <= MINORS:
-        basis = _cross_product(A)
-    else:
+    frame, watched = None, _Watched(system, sampled)
+    guards: tuple[Guard, ...] = ()
+    N: list[Vector] = []
+    if nv - nc == 1 and nc <= MINORS:
+        N, length = _cross_product(A)
+        guards = watched([f"{LENGTH} 1"], [length], SINGULAR)
+    elif nv > nc:
         base = _frame(system, kept, sampled)
         frame = _movable(system, base) if moving and nc else None
         columns: list[Vector] = [[float(x) for x in column] for column in base.T]
         directions = columns if frame is None else _columns_of(frame, nv)
-        basis = _gram_schmidt(*([], _projected(A, directions)) if nc > ROWS else (A, directions))
-    return _reduction(system, kept, A, rows.c, *basis, frame)
+        names = [f"pivot of {name}" for name in rows.names]
+        if nc > ROWS:
+            projected, pivots, order = _projected(A, directions)
+            guards = watched([names[i] for i in order], pivots, SQUARED)
+            N, lengths = _gram_schmidt(projected)
+        else:
+            found, every = _gram_schmidt([*A, *directions])
+            guards = watched(names, every[:nc], SINGULAR)
+            N, lengths = found[nc:], every[nc:]
+        guards += tuple(
+            Guard(f"{LENGTH} {k + 1}", ca.SX(x), SINGULAR) for k, x in enumerate(lengths)
+        )
+    return _reduction(system, kept, A, rows.c, N, guards, frame)
+
+
+@dataclass(frozen=True)
+class _Watched:
+    """Guards of what is divided by, relative to the largest value at the sampled states: A has the
+    units of the file. What is a number needs none."""
+
+    system: System
+    sampled: States
+
+    def __call__(
+        self, names: Sequence[str], values: Sequence[Scalar], part: float
+    ) -> tuple[Guard, ...]:
+        given = [
+            (name, x)
+            for name, x in zip(names, values)
+            if isinstance(x, ca.SX) and not x.is_constant()
+        ]
+        if not given:
+            return ()
+        system, sampled = self.system, self.sampled
+        every = ca.vertcat(*[x for _, x in given])
+        at = ca.Function("watched", [system.t, system.q, system.p], [every])
+        sizes = at.call([sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T])[0].full()
+        largest = np.max(np.abs(sizes), axis=1, initial=0.0)
+        return tuple(
+            Guard(name, x, part * float(size), part) for (name, x), size in zip(given, largest)
+        )
 
 
 def _movable(system: System, base: np.ndarray) -> Frame:
@@ -80,7 +120,7 @@ def _reduction(
     A: list[Vector],
     c: ca.SX,
     N: list[Vector],
-    lengths: list[Scalar],
+    guards: tuple[Guard, ...],
     frame: Frame | None,
 ) -> Reduction:
     """v = N w + A⁺ c; σ is the derivative of that along the motion, with w held."""
@@ -99,8 +139,8 @@ def _reduction(
         v=v,
         sigma=sigma,
         walked=None,
-        guards=tuple(Guard(f"{LENGTH} {k + 1}", ca.SX(x), SINGULAR) for k, x in enumerate(lengths)),
-        pivots=tuple(f"basis vector {k + 1} is divided by its length" for k in range(len(lengths))),
+        guards=guards,
+        pivots=tuple(f"basis vector {k + 1} is divided by its length" for k in range(len(N))),
         kept=tuple(kept),
         constant_pivots=False,
         frame=frame,
@@ -116,7 +156,7 @@ def _columns(N: Sequence[Vector], nv: int) -> ca.SX:
     return S
 
 
-def _cross_product(A: list[Vector]) -> tuple[list[Vector], list[Scalar]]:
+def _cross_product(A: list[Vector]) -> tuple[list[Vector], Scalar]:
     """The one direction at right angles to n − 1 rows, by their signed minors: it vanishes exactly
     where the rows lose rank."""
     n = len(A) + 1
@@ -125,7 +165,7 @@ def _cross_product(A: list[Vector]) -> tuple[list[Vector], list[Scalar]]:
         for j in range(n)
     ]
     length = ca.sqrt(dot(minors, minors))
-    return [[x / length for x in minors]], [length]
+    return [[x / length for x in minors]], length
 
 
 def _determinant(rows: list[Vector]) -> Scalar:
@@ -140,17 +180,21 @@ def _determinant(rows: list[Vector]) -> Scalar:
     )
 
 
-def _projected(A: list[Vector], directions: Sequence[Vector]) -> list[Vector]:
-    """e − Aᵀ (A Aᵀ)⁻¹ A e for each direction e. A Aᵀ couples only rows that share a joint, so that
-    the work grows with the number of loops where these follow each other; rows made orthogonal one
-    after the other fill up."""
+def _projected(
+    A: list[Vector], directions: Sequence[Vector]
+) -> tuple[list[Vector], Vector, list[int]]:
+    """e − Aᵀ (A Aᵀ)⁻¹ A e for each direction e, the pivots of A Aᵀ and their rows. A Aᵀ couples
+    only rows that share a joint, so that the work grows with the number of loops where these follow
+    each other; rows made orthogonal one after the other fill up."""
     gram = [[dot(row, other) for other in A] for row in A]
     along = [[dot(row, e) for row in A] for e in directions]
-    weights = ldl_solution(gram, along, _fewest_neighbours_first(gram)).x
-    return [
+    order = _fewest_neighbours_first(gram)
+    solution = ldl_solution(gram, along, order)
+    projected = [
         [minus(x, dot(y, column)) for x, column in zip(e, zip(*A))]
-        for e, y in zip(directions, weights)
+        for e, y in zip(directions, solution.x)
     ]
+    return projected, solution.pivots, order
 
 
 def _fewest_neighbours_first(gram: list[Vector]) -> list[int]:
@@ -168,17 +212,16 @@ def _fewest_neighbours_first(gram: list[Vector]) -> list[int]:
     return order
 
 
-def _gram_schmidt(A: list[Vector], frame: Sequence[Vector]) -> tuple[list[Vector], list[Scalar]]:
-    """Orthonormal rows from A, then the frame's columns made orthogonal to them and to each
-    other."""
+def _gram_schmidt(given: Sequence[Vector]) -> tuple[list[Vector], list[Scalar]]:
+    """Each made orthogonal to those before it, at length one; and the lengths that they had."""
     done: list[Vector] = []
     lengths: list[Scalar] = []
-    for row in [*A, *frame]:
+    for row in given:
         rest = _without(row, done)
         length = ca.sqrt(dot(rest, rest))
         lengths.append(length)
         done.append([0.0 if is_zero(x) else x / length for x in rest])
-    return done[len(A) :], lengths[len(A) :]
+    return done, lengths
 
 
 def _without(row: Vector, units: Sequence[Vector]) -> Vector:

@@ -159,9 +159,9 @@ def test_a_projection_is_that_of_rows_made_orthogonal() -> None:
         A[:, :rows] += 2 * np.eye(rows)
         listed = [[float(x) for x in row] for row in A]
         frame = [[float(x) for x in row] for row in rng.normal(size=(free, columns))]
-        projected = orthonormal._projected(listed, frame)
-        sparse = np.array(orthonormal._gram_schmidt([], projected)[0], float)
-        dense = np.array(orthonormal._gram_schmidt(listed, frame)[0], float)
+        projected = orthonormal._projected(listed, frame)[0]
+        sparse = np.array(orthonormal._gram_schmidt(projected)[0], float)
+        dense = np.array(orthonormal._gram_schmidt([*listed, *frame])[0][rows:], float)
         np.testing.assert_allclose(sparse, dense, atol=1e-10)
         np.testing.assert_allclose(A @ sparse.T, 0.0, atol=1e-10)
         np.testing.assert_allclose(sparse @ sparse.T, np.eye(free), atol=1e-10)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import LEAST_VIOLATION, ROUNDOFF, SHORT_TIME, STEP
+from derive.choices.limits import LEAST_VIOLATION, MOST_VIOLATION, ROUNDOFF, SHORT_TIME, STEP
 from derive.choices.named import carried_through, declared
 from derive.choices.ranking import Ranking, score
 from derive.choices.resolution import Resolved, ranked_partitions
@@ -92,7 +92,8 @@ def _further(system: System, found: dict[str, Resolved]) -> Iterator[str]:
 def _score(x: Assessed) -> tuple[object, ...]:
     """As `auto` has it; among what is alike there, the smaller violation first."""
     varies, condition, *costs = score(x.ranking)
-    return varies, condition, round(float(np.log10(max(x.violation, LEAST_VIOLATION)))), *costs
+    size = min(max(x.violation, LEAST_VIOLATION), MOST_VIOLATION)
+    return varies, condition, round(float(np.log10(size))), *costs
 
 
 def assessment(survey: Survey, found: Resolved) -> Assessed:

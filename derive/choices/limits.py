@@ -3,6 +3,7 @@ nothing else is said."""
 
 # assessment
 LEAST_VIOLATION = 1e-16  # below it violations are all alike
+MOST_VIOLATION = 1e16  # above it, too: where a step meets a singular position it is infinite
 SHORT_TIME = 1e-6  # s: a difference over it shows accelerations
 STEP = 0.1  # by which the fastest coordinate moves at most, with its velocity and its acceleration
 ROUNDOFF = 2.0**-52  # of a float64: what a violation is told apart from

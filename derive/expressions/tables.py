@@ -1,8 +1,8 @@
 """Tables: points joined by a cubic spline, y(x), as data and as a formula of x.
 
-C1: the slopes of Fritsch and Carlson (SIAM J. Numer. Anal. 17, 1980, in Butland's harmonic form),
-which keep what rises rising. C2: the natural spline. Outside the points the straight line of the
-end goes on.
+C1: the slopes of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984), which keep what rises
+rising; at the ends those of the first and last chord. C2: the natural spline. Outside the points
+the straight line of the end goes on.
 """
 
 from __future__ import annotations

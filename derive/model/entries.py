@@ -71,7 +71,7 @@ class TableEntry(Entry):
         None,
         description="C2, the natural spline, or C1, which keeps rising what rises.",
         json_schema_extra=term(
-            "the cubics between points: natural spline, or Fritsch and Carlson", otherwise="C2"
+            "the cubics between points: natural spline, or Fritsch and Butland", otherwise="C2"
         ),
     )
     about: Text | None = Field(

@@ -145,7 +145,9 @@ class Run:
         names = self.work.parameters
         column = evaluated(each.formula, names, lambda name: self.values(name)[:, rows])
         values = np.broadcast_to(column, self.t[:, rows].shape)
-        return _OVER[each.how](self.t[:, rows], values)
+        found = _OVER[each.how](self.t[:, rows], values)
+        # a motion that ended before has nothing then
+        return found if each.time is None else np.where(self.t[:, -1] < each.time, np.nan, found)
 
     def _place(self, each: Kept) -> slice:
         if each.time is None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from derive.diagnostics import ModelError, ToolchainError
 from hamel.sweep.limits import GROUP
@@ -35,6 +35,17 @@ class Done:
         for group in self.groups:
             yield from range(group * GROUP, min(self.size, (group + 1) * GROUP))
         yield from self.chunks
+
+
+def _which(name: str, there: dict[str, Any], here: dict[str, Any]) -> str:
+    """What differs in two descriptions: a key, and of a mapping the keys in it."""
+    pair = (there.get(name), here.get(name))
+    first, second = (each if isinstance(each, dict) else {} for each in pair)
+    inner = sorted(key for key in {*first, *second} if first.get(key) != second.get(key))
+    return f"'{name}' ({', '.join(inner)})" if first and second else f"'{name}'"
+
+
+Content = TypeVar("Content")
 
 
 class Folder:
@@ -74,7 +85,7 @@ class Folder:
         for name in sorted({*there, *here}):
             if there.get(name) != here.get(name):
                 raise ToolchainError(
-                    f"{self.place} holds another sweep: its '{name}' differs",
+                    f"{self.place} holds another sweep: its {_which(name, there, here)} differs",
                     "choose another folder with -o, or remove that one",
                 )
 
@@ -114,23 +125,26 @@ class Folder:
             self.gather(group, size)
 
     def _held(self, number: int) -> Held:
-        content = self.read(self.chunk_name(number))
+        return self.understood(self.chunk_name(number), json.loads)
+
+    def understood(self, name: str, reader: Callable[[bytes], Content]) -> Content:
+        """What a file holds. Raises ToolchainError where it is gone or damaged."""
+        content = self.read(name)
         if content is None:
-            raise ToolchainError(f"{self.place}: chunk {number} is gone", RESUME)
-        held: Held = json.loads(content)
-        return held
+            raise ToolchainError(f"{self.place}/{name} is gone", RESUME)
+        try:
+            return reader(content)
+        except ValueError:
+            removed = "remove it, and run the command again: what it held is made anew"
+            raise ToolchainError(f"{self.place}/{name} is damaged", removed) from None
 
     def summaries(self, size: int, of_rows: Callable[[bytes], Held]) -> Iterator[Held]:
         """Of all groups, in their order."""
         for group in range(-(-size // GROUP)):
-            content = self.read(f"{GROUPS}/{group:09d}.json")
-            if content is not None:
-                yield json.loads(content)
+            name = f"{GROUPS}/{group:09d}.json"
+            if self.read(name) is not None:
+                yield self.understood(name, json.loads)
                 continue
-            parts = []
-            for number in range(group * GROUP, min(size, (group + 1) * GROUP)):
-                if self.ending == ".json":
-                    parts.append(self._held(number))
-                else:
-                    parts.append(of_rows(self.read(self.chunk_name(number)) or b""))
-            yield all_of(parts)
+            reader = json.loads if self.ending == ".json" else of_rows
+            numbers = range(group * GROUP, min(size, (group + 1) * GROUP))
+            yield all_of([self.understood(self.chunk_name(k), reader) for k in numbers])

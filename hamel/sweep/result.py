@@ -14,7 +14,6 @@ from hamel.sweep.folder import Folder
 from hamel.sweep.job import Motions
 from hamel.sweep.kept import Kept
 from hamel.sweep.limits import SAME
-from hamel.sweep.places import RESUME
 from hamel.sweep.plan import Plan
 from hamel.sweep.work import Held, columns_in, moved_in, summary_of
 
@@ -41,13 +40,10 @@ def columns_of(plan: Plan, folder: Folder) -> dict[str, np.ndarray] | None:
 
 
 def rows(plan: Plan, folder: Folder) -> dict[str, np.ndarray]:
-    """All rows by name, in the order of the motions. Raises ToolchainError where a file is gone."""
-    parts = []
-    for number in range(plan.chunks):
-        content = folder.read(folder.chunk_name(number))
-        if content is None:
-            raise ToolchainError(f"{folder.place}: chunk {number} is gone", RESUME)
-        parts.append(columns_in(content))
+    """All rows by name, in the order of the motions. Raises ToolchainError where a file is gone or
+    damaged."""
+    names = map(folder.chunk_name, range(plan.chunks))
+    parts = [folder.understood(name, columns_in) for name in names]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 

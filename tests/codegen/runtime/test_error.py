@@ -74,8 +74,8 @@ def test_many_motions_have_the_estimates_of_each(pendulum: ModuleType) -> None:
         np.testing.assert_allclose(both.error[row], alone.error, rtol=1e-6)
 
 
-def test_motions_that_end_early_have_none(pendulum: ModuleType) -> None:
-    """One is not finite, the other is stopped by an event; the third is as it is alone."""
+def test_motions_that_cannot_go_on_have_none(pendulum: ModuleType) -> None:
+    """One is not finite; the other is as it is alone."""
     x = np.array([START, [np.nan, 0.0, 0.0, 0.0]])
     times = np.linspace(0.0, 2.0, 9)
     given = {"times": times, "rtol": 1e-7, "atol": 1e-8, "error": True}
@@ -85,10 +85,18 @@ def test_motions_that_end_early_have_none(pendulum: ModuleType) -> None:
     alone = pendulum.simulate((0.0, 2.0), START, **given)
     np.testing.assert_allclose(both.error[0], alone.error, rtol=1e-6)
     assert np.isnan(both.error[1]).all()
+
+
+def test_motions_that_an_event_stopped_have_estimates_up_to_there(pendulum: ModuleType) -> None:
+    x, times = np.array([START, [0.1, 0.2, 0.0, 0.0]]), np.linspace(0.0, 2.0, 9)
+    given = {"times": times, "rtol": 1e-7, "atol": 1e-8, "error": True}
     stop = {"events": {"stop": pendulum.Event(lambda t, x: t - 0.7, stop=True)}}
-    assert np.isnan(pendulum.simulate((0.0, 2.0), x[:1], **given, **stop).error).all()
+    both = pendulum.simulate((0.0, 2.0), x, **given, **stop)
     ended = pendulum.simulate((0.0, 2.0), START, **given, **stop)
     assert ended.t[-1] == pytest.approx(0.7) and (ended.error[-1] < 1e-4).all()
+    assert both.error.shape == both.x.shape and (both.error < 1e-4).all()
+    assert (both.error[:, 3:] == both.error[:, 3:4]).all()  # from the end on
+    assert (both.error[:, 3] > 0.0).any(axis=-1).all()
 
 
 def test_the_companion_ends_with_the_motion() -> None:

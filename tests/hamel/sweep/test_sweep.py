@@ -98,7 +98,7 @@ def test_a_stopped_motion_is_that_of_simulate(tmp_path: Path) -> None:
     low, stop = "{low: {formula: q,", "{stop: {stop: true, formula: q + 10 deg,"
     (tmp_path / "stopped.yaml").write_text(ROD.replace(low, stop))
     given: dict[str, Any] = {"time": 2.0, "rtol": 1e-9}
-    keep = ["w = work", "T", "end", "balance"]
+    keep = ["w = work", "T", "end", "balance", "at(q, 0.2)", "at(q, 1.9)"]
     found = hamel.sweep(
         tmp_path / "stopped.yaml", vary={"c": [0.1, 0.2]}, keep=keep, out=tmp_path / "out", **given
     ).to_xarray()
@@ -107,6 +107,8 @@ def test_a_stopped_motion_is_that_of_simulate(tmp_path: Path) -> None:
     for name, column in (("w", "work"), ("T", "T"), ("end", "t")):
         assert float(found[name][1]) == pytest.approx(motion[column][-1], abs=1e-8)
     assert float(abs(found["balance"]).max()) < 1e-9
+    assert bool(np.isfinite(found["at(q, 0.2)"]).all()), "before the end"
+    assert bool(np.isnan(found["at(q, 1.9)"]).all()), "behind it"
 
 
 def test_a_dataset_has_coordinates_and_units(record: Swept) -> None:
@@ -127,6 +129,19 @@ def test_what_is_finished_is_not_made_again(record: Swept, place: Path) -> None:
     assert again.made == 1 and files(place / "here") == before
 
 
+@pytest.mark.parametrize("kept", [0.0, 0.5])
+def test_a_damaged_file_is_named(record: Swept, place: Path, kept: float) -> None:
+    damaged = place / "here" / "chunks" / "000000003.parquet"
+    content = damaged.read_bytes()
+    damaged.write_bytes(content[: int(kept * len(content))])
+    with pytest.raises(ToolchainError, match=r"chunks/000000003\.parquet is damaged") as told:
+        hamel.sweep(place / "rod.yaml", out=place / "here", **ASKED)
+    assert "remove it" in str(told.value)
+    damaged.unlink()
+    hamel.sweep(place / "rod.yaml", out=place / "here", **ASKED)
+    assert damaged.read_bytes() == content
+
+
 def test_what_a_killed_process_left_is_removed(record: Swept, place: Path) -> None:
     half = place / "here" / "chunks" / f".000000009.parquet.{2**22 + 1}"
     half.write_bytes(b"half")
@@ -135,7 +150,7 @@ def test_what_a_killed_process_left_is_removed(record: Swept, place: Path) -> No
 
 
 def test_another_sweep_does_not_go_on_in_the_folder(record: Swept, place: Path) -> None:
-    with pytest.raises(ToolchainError, match="holds another sweep: its 'vary' differs"):
+    with pytest.raises(ToolchainError, match=r"holds another sweep: its 'vary' \(seed\) differs"):
         hamel.sweep(place / "rod.yaml", out=place / "here", **{**ASKED, "seed": 1})
 
 

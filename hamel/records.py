@@ -449,13 +449,19 @@ class Simulated:
         }
         return xarray.Dataset(variables, {"t": t}, self._about())
 
+    @property
+    def lasts(self) -> str:
+        """How long it takes; from when to when where it does not begin at 0."""
+        begin = float(self.motion["t"][0]) if "t" in self.motion else 0.0
+        return f"{begin:g} s to {self.time:g} s" if begin else f"{self.time:g} s"
+
     def _about(self) -> dict[str, str]:
         names = ("model", "formulation", "choice", "enforcement", "integrator")
         return {name: getattr(self, name) for name in names}
 
     def _repr_html_(self) -> str:
         """The plot, with one line about it, for notebooks."""
-        about = f"{self.model}, choice {self.choice}: {self.time:g} s, {self.integrator}"
+        about = f"{self.model}, choice {self.choice}: {self.lasts}, {self.integrator}"
         steps = f"{self.steps} steps, energy balance {self.energy_balance:.2g}"
         figure = self.figure() if self.figure else ""
         return f"<div><p>{html.escape(about)}; {html.escape(steps)}</p>{figure}</div>"

@@ -106,6 +106,8 @@ def _shown(course: Course) -> Motion:
         f"{record.steps} steps of {record.integrator}, enforcement {record.enforcement}; largest "
         f"|φ| {record.position_violation:.1e}, largest |A v − c| {record.velocity_violation:.1e}"
     )
+    if record.stopped_by:
+        told += f"; the event {record.stopped_by} ended the motion"
     return Motion(
         span=course.span,
         plot=record.figure(),

@@ -49,7 +49,8 @@ class _TooLong(Exception):
 
 @dataclass(frozen=True)
 class Course:
-    """A motion, its record, and how to make it again with other steps; `span` in seconds."""
+    """A motion, its record, and how to make it again with other steps; `span` (s) is as long as
+    it went on, which an event may have ended."""
 
     problem: Problem
     equations: Equations
@@ -130,7 +131,7 @@ def _first(problem: Problem, by: Equations, module: ModuleType) -> Course:
         used = replace(METHOD, enforcement=problem.enforcement.name)
         source = Source(by, module, u, p, used, initial)
         record = simulated(source, simulation, 0.0)
-        return Course(problem, by, module, start, span, record)
+        return Course(problem, by, module, start, record.time, record)
     raise AssumptionError(f"{SPANS[-1]:g} s of motion take longer than {LIMIT:g} s")
 
 

@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from derive.formulations.frames import based
 from derive.mechanics.records import Row
+from derive.model.records import Input
 from derive.textbook.mathml import mathml
 from derive.textbook.names import dotted, per_second, symbol, unit
 from derive.textbook.notation import symbols_of
@@ -151,7 +152,7 @@ def _reaction(course: Course) -> Iterator[Exercise]:
     yield Exercise(
         "The equations have no multipliers. Find the forces that hold the constraints at the "
         "start nevertheless, from the equations with multipliers.",
-        "The function reactions of the module gives, row by row,",
+        "The function reactions of the module gives, row by row",
         tuple((name, text, "") for name, text in zip(_names(rows, values), number_texts(values))),
     )
 
@@ -164,20 +165,25 @@ def _names(rows: Sequence[Row], values: Values) -> list[str]:
 
 
 def _input(course: Course) -> Iterator[Exercise]:
-    """What the first input does."""
-    inputs = course.problem.system.model.inputs
-    if not inputs:
-        return
+    """What the first input does that acts at once: none that first-order states hand on."""
     u, p = course.start.u, course.start.p
-    pushed = u.copy()
-    pushed[0] += PUSH
-    change = _rates(course, pushed, p) - _rates(course, u, p)
+    now = _rates(course, u, p)
+    for k, given in enumerate(course.problem.system.model.inputs):
+        pushed = u.copy()
+        pushed[k] += PUSH
+        change = _rates(course, pushed, p) - now
+        if np.any(change):
+            yield _pushed(course, given, change)
+            return
+
+
+def _pushed(course: Course, given: Input, change: Values) -> Exercise:
     question = Markup(
         "Raise the input {} by {:g} {} at the start. By how much do the rates of the "
         "quasi-velocities change?"
     )
-    yield Exercise(
-        question.format(_symbol(course, inputs[0].name), PUSH, _unit(inputs[0].unit)),
+    return Exercise(
+        question.format(_symbol(course, given.name), PUSH, _unit(given.unit)),
         "The equations are affine in the inputs; the difference of two values of dynamics is",
         _values(course, _speeds(course), change, True),
     )

@@ -16,7 +16,7 @@ def show(record: Simulated, console: Console) -> None:
         contradiction = f"initial {name} = {by['given']:.6g} contradicts the constraints"
         console.print(f"{contradiction}, {by['used']:.6g} is used")
     steps = f"{record.steps} steps, {record.rejected} rejected, {record.seconds:.2g} s of computing"
-    console.print(f"{record.model}, choice {record.choice}: {record.time:g} s in {steps}")
+    console.print(f"{record.model}, choice {record.choice}: {record.lasts} in {steps}")
     why = f": {record.why}" if record.why else ""
     automatic = f" (picked by auto{why})" if record.automatic else ""
     method = f"{record.formulation}, enforcement {record.enforcement}, {record.integrator}"

@@ -496,6 +496,11 @@ int main(void) {
     )
     if shutil.which("g++"):
         subprocess.run(["g++", "-fsyntax-only", "-x", "c++", "main.c"], cwd=tmp_path, check=True)
+    for name in ("toy_simulate.h", "toy_lanes.h"):  # which need nothing that stands before them
+        for file in (name, "toy.h"):
+            (tmp_path / file).write_text(written[file])
+        (tmp_path / "both.c").write_text(f'#include "toy_inline.h"\n#include "{name}"\n')
+        subprocess.run([*command, *quiet, "-fsyntax-only", "both.c"], cwd=tmp_path, check=True)
     assert "toy_inline.h" not in emit(program(toy()))
 
 

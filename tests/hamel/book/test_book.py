@@ -150,6 +150,23 @@ def test_solutions_are_those_of_the_verified_module(tmp_path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+def test_a_motion_that_an_event_ends_is_as_long_as_that(tmp_path) -> None:
+    text = (
+        "model: stone\nplane: xy\ngravity: [0, -9.81 m/s^2]\nbodies: {s: {mass: 1 kg}}\n"
+        "joints: {fall: {type: point, parent: ground, child: s, coordinates: [x, y]}}\n"
+        "events: {floor: {formula: y, direction: falling, stop: true}}\ninitial: {y: 1 m}\n"
+        "states: {late: {rate: (u - late)/(1 s), unit: N}}\ninputs: {u: {unit: N}}\n"
+    )
+    (tmp_path / "stone.yaml").write_text(text)
+    hamel.book([tmp_path / "stone.yaml"], out=tmp_path / "book", pdf=False)
+    page = (tmp_path / "book" / "stone.html").read_text("utf-8")
+    assert "<p>0.451524 s from the initial state" in page
+    assert "the event floor ended the motion" in page
+    assert "Raise the input" not in page, "u acts on no rate at the start"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 def test_a_motion_in_charts_with_a_frame_has_its_record() -> None:
     """Parameters go on with the frame's numbers: the record is of the equations that were
     integrated."""

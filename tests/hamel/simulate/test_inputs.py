@@ -56,7 +56,7 @@ def test_a_function_at_sample_times_and_another_start(folder: Path) -> None:
 
     found = hamel.simulate("hinge.yaml", inputs=control, sample=0.5, start=3.0, time=5.0)
     assert times == [3.0, 3.5, 4.0, 4.5]
-    assert found.motion["t"][0] == 3.0 and found.time == 5.0
+    assert found.motion["t"][0] == 3.0 and found.time == 5.0 and found.lasts == "3 s to 5 s"
     assert found.final["q"] == pytest.approx(2.0, rel=1e-12)
 
 

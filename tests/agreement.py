@@ -14,7 +14,7 @@ from derive.model import load, load_text
 from derive.model.records import Model
 from derive.states.nonideal import system
 from derive.states.sampling import states
-from hamel.verify.reference.outcome import evaluate, reference, state_of
+from hamel.verify.reference.outcome import Outcome, evaluate, reference, state_of
 from hamel.verify.reference.outputs import events, nearest_turn, outputs
 
 SMALL = 1e-6  # of a term, in SI: a smaller one counts as so large
@@ -82,11 +82,11 @@ def disagreement(text: str | Path, count: int = 6) -> dict[str, float]:
         }
         kin = outcome.kinematics
         wanted |= {"phi": kin.phi, "A": kin.A, "c": kin.c, "beta": kin.beta}
-        got |= _seen(found, place, outcome.lam)
+        got |= _seen(found, place, outcome)
         spelled = state_of(ref, place.t, place.q, place.v, place.u, place.p)
-        flat = outputs(own, spelled, outcome.lam)
+        flat = outputs(own, spelled, outcome.lam, outcome.vdot)
         wanted["outputs"] = nearest_turn(own, flat, got["outputs"]) if len(flat) else flat
-        wanted["events"] = events(own, spelled, outcome.lam)
+        wanted["events"] = events(own, spelled, outcome.lam, outcome.vdot)
         got["phi"], wanted["phi"] = got["phi"] + 1.0, kin.phi[:, None] + 1.0  # φ is zero
         for name, x in wanted.items():
             ours, theirs = np.ravel(got[name]), np.ravel(np.asarray(x))
@@ -95,15 +95,16 @@ def disagreement(text: str | Path, count: int = 6) -> dict[str, float]:
     return {name: float(apart[name] / sizes[name]) for name in apart}
 
 
-def _seen(found: System, place: Place, lam: np.ndarray) -> dict[str, np.ndarray]:
+def _seen(found: System, place: Place, outcome: Outcome) -> dict[str, np.ndarray]:
     arguments = [found.t, found.q, found.v, found.u, found.p]
     reactions = found.symbols.reactions([row.name for row in found.rows])
     values = [
         ca.vertcat(ca.SX(0, 1), *[ca.vec(x) for _, x, _ in found.outputs]),
         ca.vertcat(ca.SX(0, 1), *[x for _, x in found.events]),
     ]
-    at = ca.Function("seen", [*arguments, reactions], [ca.densify(x) for x in values])
-    seen = at(place.t, place.q, place.v, place.u, place.p, lam)
+    taken = [*arguments, reactions, found.symbols.vdot]
+    at = ca.Function("seen", taken, [ca.densify(x) for x in values])
+    seen = at(place.t, place.q, place.v, place.u, place.p, outcome.lam, outcome.vdot)
     return {name: np.array(x).ravel() for name, x in zip(("outputs", "events"), seen)}
 
 

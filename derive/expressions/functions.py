@@ -48,10 +48,12 @@ FUNCTIONS = {function.name: function for function in _TABLE}
 _KINEMATIC_TABLE = (
     Function("position", (1, 3), "vector", "where a point of a body or frame is"),
     Function("velocity", (1, 3), "vector", "velocity of a point of a body or frame"),
+    Function("acceleration", (1, 3), "vector", "its rate, in outputs alone"),
     Function("direction", (2, 3), "vector", "a direction fixed in a body or frame"),
     Function("orientation", (1, 2), "matrix", "axes of a body or frame, as columns"),
     Function("angle", (1, 3), "scalar", "how far a body is turned, in space about an axis"),
     Function("angular_velocity", (1, 2), "vector", "angular velocity of a body or frame"),
+    Function("angular_acceleration", (1, 2), "vector", "its rate, in outputs alone"),
     Function("distance", (2, 4), "scalar", "how far two points are apart"),
     Function("length", (1, 1), "scalar", "how long a path is"),
     Function("dot", (2, 2), "scalar", "scalar product of two vectors"),

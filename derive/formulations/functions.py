@@ -230,18 +230,20 @@ def outputs_of(system: System, motion: Motion) -> Function | None:
         labels += [name] if count == 1 else [f"{name}[{k}]" for k in range(count)]
         units += [unit] * count
         values.append(at_motion(system, motion, value))
-    value, guards = _with_multipliers(system, motion, ca.vertcat(*values))
+    value, guards = _of_the_motion(system, motion, ca.vertcat(*values))
     result = Result("y", value, tuple(labels), tuple(units))
     return Function("outputs", "the model's outputs", result, guards=guards)
 
 
-def _with_multipliers(
-    system: System, motion: Motion, value: ca.SX
-) -> tuple[ca.SX, tuple[Guard, ...]]:
-    """With λ in the place of reactions; and what has to be regular for it."""
+def _of_the_motion(system: System, motion: Motion, value: ca.SX) -> tuple[ca.SX, tuple[Guard, ...]]:
+    """With λ in the place of reactions and v̇ in that of its symbols; and what has to be regular
+    for them."""
     reactions = system.symbols.reactions([row.name for row in system.rows])
-    solving = motion.solving if ca.depends_on(value, reactions) else ()
-    return ca.substitute(value, reactions, motion.lam), (*motion.guards, *solving)
+    solved, vdot = ca.depends_on(value, reactions), system.symbols.vdot
+    value = ca.substitute(value, reactions, motion.lam)
+    if ca.depends_on(value, vdot):  # for a long tree it is formed now
+        solved, value = True, ca.substitute(value, vdot, motion.vdot)
+    return value, (*motion.guards, *(motion.solving if solved else ()))
 
 
 def _events(system: System, motion: Motion) -> Function | None:
@@ -249,7 +251,7 @@ def _events(system: System, motion: Motion) -> Function | None:
         return None
     names = tuple(name for name, _ in system.events)
     values = ca.vertcat(*(at_motion(system, motion, value) for _, value in system.events))
-    value, guards = _with_multipliers(system, motion, values)
+    value, guards = _of_the_motion(system, motion, values)
     result = Result("g", value, names, ("",) * len(names))
     about = "what changes its sign at the model's events"
     return Function("events", about, result, guards=guards)

@@ -6,6 +6,8 @@ With p and R (ground ← frame) of a frame, and those of the frame f that it is 
     orientation   R_fᵀ R                        turning    its rate
     angular velocity   R_fᵀ (ω − ω_f)
 
+Accelerations are the rates of these rates, over v̇ too.
+
 where the product of rotations goes through what carries both and not through the ground.
 """
 
@@ -43,10 +45,11 @@ def with_measures(scene: Scene) -> Scene:
     """The scene whose symbols know every measure of the model, and the definitions that use
     them."""
     model = scene.model
-    if not model.measures:
+    every = (*model.measures, *model.accelerations)
+    if not every:
         return scene
     symbols = replace(scene.symbols, names=dict(scene.symbols.names))
-    for measure in model.measures:
+    for measure in every:
         symbols.names[measure.name] = _QUANTITIES[measure.quantity](scene, measure)
     define(model, symbols)
     return scene.with_symbols(symbols)
@@ -112,6 +115,18 @@ def _rate(of: Callable[[Scene, Measure], Scalar]) -> Callable[[Scene, Measure], 
     return lambda scene, measure: scene.rate(ca.SX(of(scene, measure)))
 
 
+def _second(of: Callable[[Scene, Measure], Scalar]) -> Callable[[Scene, Measure], Scalar]:
+    return lambda scene, measure: scene.speeding(ca.SX(of(scene, measure)))
+
+
+def _speed(scene: Scene, measure: Measure) -> Scalar:
+    """The rate of a coordinate, or a generalized velocity."""
+    names = [x.name for x in scene.model.coordinates]
+    if measure.frame in names:
+        return scene.qdot[names.index(measure.frame)]
+    return scene.symbols.names[measure.frame]
+
+
 def _length(scene: Scene, measure: Measure) -> Scalar:
     return path_length(scene, scene.model.path(measure.frame))
 
@@ -125,4 +140,9 @@ _QUANTITIES: dict[str, Callable[[Scene, Measure], Scalar]] = {
     "angular_velocity": _angular_velocity,
     "length": _length,
     "lengthening": _rate(_length),
+    "acceleration": _second(_rate(_position)),
+    "second_turning": _second(_rate(_orientation)),
+    "angular_acceleration": _second(_angular_velocity),
+    "second_lengthening": _second(_rate(_length)),
+    "speeding": _second(_speed),
 }

@@ -19,8 +19,8 @@ BODY_FUNCTIONS = ("position", "velocity", "angle")
 
 
 def outputs(scene: Scene) -> tuple[tuple[str, ca.SX, str], ...]:
-    """(name, value, unit) of each output over (t, q, v, u, p) and reactions; vectors have as many
-    components as the model has dimensions, points in ground axes."""
+    """(name, value, unit) of each output over (t, q, v, u, p), reactions and v̇; vectors have as
+    many components as the model has dimensions, points in ground axes."""
     return tuple(
         (output.name, _output(scene, output), output.unit) for output in scene.model.outputs
     )

@@ -115,6 +115,11 @@ class Scene:
         s = self.symbols
         return ca.jtimes(expression, ca.vertcat(s.t, s.q), ca.vertcat(1, self.qdot))
 
+    def speeding(self, expression: ca.SX) -> ca.SX:
+        """d/dt of a function of t, q and v: the same and ∂/∂v v̇."""
+        s = self.symbols
+        return ca.jtimes(expression, ca.vertcat(s.t, s.q, s.v), ca.vertcat(1, self.qdot, s.vdot))
+
     def over_v(self, expression: ca.SX) -> ca.SX:
         """The same with q̇ replaced by N v: formulas of a file may speak of either, the System
         speaks of v alone."""

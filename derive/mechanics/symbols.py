@@ -18,7 +18,7 @@ from derive.model.rows import row_names
 class Symbols:
     """t, q, v, u, p as SX columns, z the first-order states at the end of p; `qd` stands for q̇
     while formulas are read and is replaced by N
-    v afterwards."""
+    v afterwards, `vdot` for v̇ in outputs until a formulation knows it."""
 
     t: ca.SX
     q: ca.SX
@@ -28,6 +28,7 @@ class Symbols:
     z: ca.SX
     defaults: tuple[float, ...]  # of p
     qd: ca.SX
+    vdot: ca.SX
     names: dict[str, Scalar]
     rates: dict[str, Scalar]
     functions: Functions  # of formulas
@@ -63,6 +64,7 @@ def symbols(model: Model, constants: Collection[str]) -> Symbols:
         _column([f"d_{c.name}" for c in model.coordinates]),
     )
     v = _column([x.name for x in model.velocities])
+    vdot = _column([f"d_{x.name}" for x in model.velocities])
     free = [x for x in model.parameters if x.name not in constants]
     z = _column([x.name for x in model.states])
     p = ca.vertcat(_column([x.name for x in free]), z)
@@ -79,7 +81,7 @@ def symbols(model: Model, constants: Collection[str]) -> Symbols:
     values = {x.name: x.value for x in model.parameters}
     starts = [number(x.initial, values) for x in model.states]
     defaults = (*(x.value for x in free), *starts)
-    result = Symbols(t, q, v, u, p, z, defaults, qd, names, rates, functions)
+    result = Symbols(t, q, v, u, p, z, defaults, qd, vdot, names, rates, functions)
     define(model, result)
     return result
 

@@ -57,7 +57,8 @@ def built(document: Document, source: Source) -> Model:
     model = _model(reader, document, joints, names)
     model = replace(
         model,
-        measures=tuple(reader.measures.found.values()),
+        measures=reader.measures.of(accelerations=False),
+        accelerations=reader.measures.of(accelerations=True),
         tables=curves,
         paths=tuple(reader.paths.values()),
     )

@@ -10,7 +10,10 @@ from derive.model.document import Entries, Key, Node, Scalar, Source
 from derive.model.records import GROUND
 
 # functions whose last argument is what they are seen from
-SEEN = ("position", "velocity", "direction", "orientation", "angle", "angular_velocity")
+SEEN = (
+    *("position", "velocity", "acceleration", "direction", "orientation", "angle"),
+    *("angular_velocity", "angular_acceleration"),
+)
 ALONG_AXES = ("direction", "angle")  # whose second argument may be a letter
 COMPONENTS = {"force": "frame", "torque": "frame", "wrench": "axes"}
 SURFACES = ("rolling", "point_on_surface", "contact")

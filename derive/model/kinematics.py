@@ -8,7 +8,7 @@ derive.mechanics and the reference of verify each know from kinematics of their 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -25,7 +25,15 @@ from derive.expressions.units import LENGTH, NUMBER, TIME, quotient_of
 from derive.model.limits import LONGEST_RATE
 from derive.model.quantities import minus, negated, plus, times
 from derive.model.records import GROUND, Measure, Vector3
-from derive.model.scope import COORDINATE, PARAMETER, STATE, VELOCITY, Scope, Symbol
+from derive.model.scope import (
+    ACCELERATION,
+    COORDINATE,
+    PARAMETER,
+    STATE,
+    VELOCITY,
+    Scope,
+    Symbol,
+)
 from derive.model.space import ORIGIN, Space, normalised
 
 WORDS = re.compile(rf"\b(?:{'|'.join(KINEMATIC_FUNCTIONS)})\s*\(|\bder\s*\(")
@@ -33,6 +41,8 @@ Parts = tuple[Expression, ...]  # of a vector, along the axes of the model
 Rewritten = Expression | Parts
 SPEED = quotient_of(LENGTH, TIME)
 PER_TIME = quotient_of(NUMBER, TIME)
+ALONE = "accelerations can stand in `outputs:` alone"
+SPEEDING = "speeding"  # of the rate of a coordinate, or of a generalized velocity
 # what a measure is, its rate, and its dimension
 POSITIONS: Mapping[str, str] = {
     "position": "velocity",
@@ -40,6 +50,13 @@ POSITIONS: Mapping[str, str] = {
     "angle": "angular_velocity",
     "length": "lengthening",
 }
+VELOCITIES: Mapping[str, str] = {
+    "velocity": "acceleration",
+    "turning": "second_turning",
+    "angular_velocity": "angular_acceleration",
+    "lengthening": "second_lengthening",
+}
+ACCELERATIONS = frozenset({*VELOCITIES.values(), SPEEDING})
 DIMENSIONS: Mapping[str, Inferred] = {
     "position": LENGTH,
     "velocity": SPEED,
@@ -49,6 +66,10 @@ DIMENSIONS: Mapping[str, Inferred] = {
     "angular_velocity": PER_TIME,
     "length": LENGTH,
     "lengthening": SPEED,
+    "acceleration": quotient_of(SPEED, TIME),
+    "second_turning": quotient_of(PER_TIME, TIME),
+    "angular_acceleration": quotient_of(PER_TIME, TIME),
+    "second_lengthening": quotient_of(SPEED, TIME),
 }
 
 
@@ -82,6 +103,11 @@ class Measures:
                 return name
         raise AssertionError("unreachable")
 
+    def of(self, accelerations: bool) -> tuple[Measure, ...]:
+        """Those that are accelerations, or the others."""
+        found = self.found.values()
+        return tuple(x for x in found if (x.quantity in ACCELERATIONS) == accelerations)
+
 
 def _meaning(
     measure: Measure,
@@ -95,6 +121,15 @@ def _meaning(
     )
 
 
+def _is_rate(node: Expression) -> bool:
+    return isinstance(node, tree.Rate) or (isinstance(node, Call) and node.function == "der")
+
+
+def _is_long(given: Rewritten) -> bool:
+    parts = given if isinstance(given, tuple) else (given,)
+    return any(any(islice(tree.walk(part), LONGEST_RATE, None)) for part in parts)
+
+
 def speaks_of_motion(text: str) -> bool:
     """Whether a formula uses functions of this module."""
     return WORDS.search(text) is not None
@@ -102,7 +137,9 @@ def speaks_of_motion(text: str) -> bool:
 
 @dataclass(frozen=True)
 class Rewriting:
-    """One formula on its way; `point_entry` reads an entry of a point and checks its unit."""
+    """One formula on its way; `point_entry` reads an entry of a point and checks its unit. With
+    `accelerations` velocities have rates, which depend on v̇. `own` are functions of the model that
+    may be called as some of the motion."""
 
     measures: Measures
     scope: Scope
@@ -110,6 +147,8 @@ class Rewriting:
     definitions: Mapping[str, Expression]
     point_entry: Callable[[Expression, str], Expression]
     text: str
+    accelerations: bool = False
+    own: Collection[str] = ()
     rates: dict[str, Expression] = field(default_factory=dict[str, Expression])  # of definitions
 
     def scalar(self, node: Expression) -> Expression:
@@ -154,7 +193,7 @@ class Rewriting:
                 return tree.Power(self.scalar(base), self.scalar(exponent), at)
             case Call():
                 return self._call(node)
-            case tree.Rate(name) if name in self.definitions:
+            case tree.Rate(name) if name in self.definitions or self._is_velocity(name):
                 return self._rate_of(Name(name, node.at), node.at)
             case _:
                 pass
@@ -195,8 +234,8 @@ class Rewriting:
         if node.function.startswith("."):
             return self._component(node)
         if node.function == "der":
-            return self._rate_of(self.scalar(node.arguments[0]), node.at)
-        if node.function in KINEMATIC_FUNCTIONS:
+            return self._rate(node)
+        if node.function in KINEMATIC_FUNCTIONS and node.function not in self.own:
             return _MEANINGS[node.function](self, node)
         arguments = tuple(self.scalar(argument) for argument in node.arguments)
         return Call(node.function, arguments, node.at)
@@ -238,10 +277,20 @@ class Rewriting:
             Measure(stem, quantity, spot.frame, spot.point, relative, component)
         )
         kind = COORDINATE if quantity in POSITIONS else VELOCITY
-        degree = Degree(0, 0) if quantity in POSITIONS else Degree(1, 1)
+        kind = ACCELERATION if quantity in ACCELERATIONS else kind
+        degree = Degree(1, 1) if kind == VELOCITY else Degree(0, 0)
         unit = "rad/s" if quantity == "angular_velocity" else ""
         self.scope.add(name, Symbol(frozenset({kind}), DIMENSIONS[quantity], degree, unit=unit))
         return Name(name, node.at)
+
+    def _speeding(self, name: str, speed: Symbol, node: Name | tree.Rate) -> Expression:
+        """The rate of the rate of a coordinate, or of a generalized velocity."""
+        stem = f"der({name})" if "." in name else f"der(der({name}))"
+        given = self.measures.named(Measure(stem, SPEEDING, name, ORIGIN, GROUND, ()))
+        known = speed.dimension
+        dimension = quotient_of(known, TIME) if isinstance(known, tuple) else known
+        self.scope.add(given, Symbol(frozenset({ACCELERATION}), dimension))
+        return Name(given, node.at)
 
     @staticmethod
     def _at_rest(quantity: str, spot: Spot, letters: str) -> Expression:
@@ -256,28 +305,57 @@ class Rewriting:
             self.measure(quantity, spot, relative, letter, node) for letter in self.space.letters
         )
 
+    def _rate(self, node: Call) -> Rewritten:
+        """Of a number, or of each component of a vector. A rate of rates grows with the product of
+        all: refused where it has too many terms, before and after it is written out."""
+        (argument,) = node.arguments
+        given = self.rewritten(argument)
+        again = any(_is_rate(x) for x in tree.walk(argument))
+        if again and _is_long(given):
+            raise self._too_long("what is itself a rate", node)
+        if not isinstance(given, tuple):
+            found = self._rate_of(given, node.at)
+        else:
+            rates = tuple(rate(x, self._leaf_rate, self.text) for x in given)
+            found = self._changing(rates, node.at)
+        if again and _is_long(found):
+            raise self._too_long("what is itself a rate", node)
+        return found
+
+    def _too_long(self, what: str, node: Expression) -> FormulaError:
+        message = f"der() of {what}, which is written out in {LONGEST_RATE} terms"
+        return self._fault(message, node, "shorter definitions, or a rate in formulas of its own")
+
     def _rate_of(self, expression: Expression, at: int) -> Expression:
-        derivative = rate(expression, self._leaf_rate, self.text)
-        if derivative == ZERO:
+        (derivative,) = self._changing((rate(expression, self._leaf_rate, self.text),), at)
+        return derivative
+
+    def _changing(self, rates: Parts, at: int) -> Parts:
+        if all(x == ZERO for x in rates):
             raise FormulaError(
                 "der() of what does not change", self.text, at, "a formula of coordinates or t"
             )
-        return derivative
+        return rates
+
+    def _is_velocity(self, name: str) -> bool:
+        """Whether it is a generalized velocity, as base.vx, or how one may be called: hinge.w."""
+        symbol = self.scope.symbols.get(name) if "." in name else None
+        own = symbol is not None and symbol.kinds == frozenset({VELOCITY})
+        return name in self.scope.aliases or (own and name not in self.measures.found)
 
     def _leaf_rate(self, node: Name | tree.Rate) -> Expression:
         if isinstance(node, tree.Rate):
-            raise self._fault(f"der() of the rate of '{node.name}'", node, "coordinates and t")
+            return self._rate_of_speed(node, node.name, f"the rate of '{node.name}'")
         if node.name == "t":
             return ONE
         measure = self.measures.found.get(node.name)
-        if measure is not None and measure.quantity in POSITIONS:
-            letters = "".join("xyz"[k] for k in measure.component)
-            spot = Spot(measure.frame, measure.point)
-            return self.measure(POSITIONS[measure.quantity], spot, measure.relative, letters, node)
+        if measure is not None and measure.quantity not in ACCELERATIONS:
+            return self._rate_of_measure(measure, node)
         if node.name in self.definitions:
             return self._definition_rate(node)
-        if node.name in self.scope.aliases:
-            raise self._fault(f"der() of '{node.name}', a velocity", node, "coordinates and t")
+        if self._is_velocity(node.name):
+            of = self.scope.aliases.get(node.name, node.name)
+            return self._rate_of_speed(node, of, f"'{node.name}', a velocity")
         symbol = self.scope.symbols.get(node.name)
         if symbol is None:
             return node  # reported when names are looked up
@@ -287,13 +365,38 @@ class Rewriting:
             raise self._fault(
                 f"der() of the state '{node.name}'",
                 node,
-                "coordinates and t",
+                self._smooth(),
                 "a rate that needs rates of states, its own or others', is no explicit equation",
             )
         if symbol.kinds == frozenset({COORDINATE}):
             return tree.Rate(node.name, node.at)
         kind = min(symbol.kinds)
-        raise self._fault(f"der() of '{node.name}', {kind}", node, "coordinates and t")
+        raise self._fault(f"der() of '{node.name}', {kind}", node, self._smooth())
+
+    def _smooth(self) -> str:
+        """What has a rate."""
+        return "coordinates, velocities and t" if self.accelerations else "coordinates and t"
+
+    def _rate_of_measure(self, measure: Measure, node: Name) -> Expression:
+        if measure.quantity in VELOCITIES:
+            self._check_place(f"der() of '{measure.name}', a velocity", node)
+        quantity = {**POSITIONS, **VELOCITIES}[measure.quantity]
+        letters = "".join("xyz"[k] for k in measure.component)
+        spot = Spot(measure.frame, measure.point)
+        return self.measure(quantity, spot, measure.relative, letters, node)
+
+    def _rate_of_speed(self, node: Name | tree.Rate, name: str, what: str) -> Expression:
+        """Of the rate of a coordinate or of a generalized velocity; `what` it is, for the
+        message."""
+        speed = self.scope.symbols.get(name if "." in name else f"der({name})")
+        if speed is None:
+            return node  # reported when names are looked up
+        self._check_place(f"der() of {what}", node)
+        return self._speeding(name, speed, node)
+
+    def _check_place(self, what: str, node: Expression) -> None:
+        if not self.accelerations:
+            raise self._fault(what, node, self._smooth(), ALONE)
 
     def _definition_rate(self, node: Name) -> Expression:
         """It is written out, and each product of definitions makes it longer: refused where it has
@@ -301,10 +404,8 @@ class Rewriting:
         found = self.rates.get(node.name)
         if found is None:
             found = rate(self.definitions[node.name], self._leaf_rate, self.text)
-            if any(islice(tree.walk(found), LONGEST_RATE, None)):
-                message = f"der() of '{node.name}', which is written out in {LONGEST_RATE} terms"
-                expected = "shorter definitions, or a rate in formulas of its own"
-                raise self._fault(message, node, expected)
+            if _is_long(found):
+                raise self._too_long(f"'{node.name}'", node)
             self.rates[node.name] = found
         return found
 
@@ -374,7 +475,8 @@ class Rewriting:
     # what the functions mean
 
     def moving(self, node: Call) -> Parts:
-        """position or velocity of a point, seen from a frame and along its axes."""
+        """position, velocity or acceleration of a point, seen from a frame and along its axes."""
+        self._check_function(node)
         arguments = list(node.arguments)
         spot = self.spot(arguments)
         return self._vector_of(node.function, spot, self.rest(node, arguments), node)
@@ -438,13 +540,19 @@ class Rewriting:
                     along.append(times(tree.Number(weight), entry(k, m)))
         return Call("atan2", (plus(*turned), plus(*along)), node.at)
 
-    def angular_velocity(self, node: Call) -> Rewritten:
-        """ω against a frame and along its axes; a number about the normal in a plane."""
+    def turning(self, node: Call) -> Rewritten:
+        """ω against a frame and along its axes, or the rate of that; a number about the normal in a
+        plane."""
+        self._check_function(node)
         frame, *others = node.arguments
         spot, relative = Spot(self.frame(frame), ORIGIN), self.rest(node, others)
         if self.space.plane:
-            return self.measure("angular_velocity", spot, relative, "", node)
-        return self._vector_of("angular_velocity", spot, relative, node)
+            return self.measure(node.function, spot, relative, "", node)
+        return self._vector_of(node.function, spot, relative, node)
+
+    def _check_function(self, node: Call) -> None:
+        if node.function in ACCELERATIONS and not self.accelerations:
+            raise self._fault(f"{node.function}() in this formula", node, "velocities", ALONE)
 
     def distance(self, node: Call) -> Expression:
         """Between two points: |r₂ − r₁|."""
@@ -505,10 +613,12 @@ class Rewriting:
 _MEANINGS: dict[str, Callable[[Rewriting, Call], Rewritten]] = {
     "position": Rewriting.moving,
     "velocity": Rewriting.moving,
+    "acceleration": Rewriting.moving,
     "direction": Rewriting.direction,
     "orientation": Rewriting.orientation,
     "angle": Rewriting.angle,
-    "angular_velocity": Rewriting.angular_velocity,
+    "angular_velocity": Rewriting.turning,
+    "angular_acceleration": Rewriting.turning,
     "distance": Rewriting.distance,
     "length": Rewriting.length,
     "dot": Rewriting.dot,

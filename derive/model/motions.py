@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TypeGuard
 
 from derive.diagnostics import did_you_mean, listed
@@ -16,11 +16,11 @@ from derive.expressions.units import pretty
 from derive.model.constraints.nonideal import velocity_degree
 from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Names
-from derive.model.kinematics import speaks_of_motion
+from derive.model.kinematics import SPEEDING, speaks_of_motion
 from derive.model.names import identifier
 from derive.model.reader import UNREAD, WITH_KINEMATICS, Reader
-from derive.model.records import CHOICE_KINDS, Choice, Output, Span
-from derive.model.scope import ANYTHING, COORDINATE, INPUT, PARAMETER, ROW, STATE, VELOCITY
+from derive.model.records import CHOICE_KINDS, Choice, Measure, Output, Span
+from derive.model.scope import COORDINATE, INPUT, OUTPUT, PARAMETER, ROW, STATE, VELOCITY
 from derive.model.shape import Document
 from derive.model.space import ORIGIN
 
@@ -195,7 +195,8 @@ def output(reader: Reader, document: Document, names: Names, key: Key, scalar: S
     except FormulaError as error:
         reader.fault(scalar, error)
         formula, unit = ZERO, ""
-    return Output(str(key), formula, scalar.text, _angle_unit(formula, names) or unit, key.span)
+    unit = _angle_unit(formula, names, reader.measures.found) or unit
+    return Output(str(key), formula, scalar.text, unit, key.span)
 
 
 def _output(
@@ -207,7 +208,7 @@ def _output(
         if isinstance(node, tree.Call) and node.function == "reaction":
             raise FormulaError("reaction() inside a formula", text, node.at, "reaction(…) alone")
     if speaks_of_motion(text):
-        rewritten = reader.rewriting(text).rewritten(parsed)
+        rewritten = reader.rewriting(text, accelerations=True).rewritten(parsed)
         if isinstance(rewritten, tuple):
             return _vector(reader, rewritten, parsed.at, text)
         parsed = rewritten
@@ -219,7 +220,7 @@ def _output(
             node.at,
             "position(…), velocity(…), angle(…) or reaction(…) alone",
         )
-    resolved = reader.scope.resolved(parsed, ANYTHING, "an output", text)
+    resolved = reader.scope.resolved(parsed, OUTPUT, "an output", text)
     dimension = infer(resolved, reader.scope.dimensions, text)
     return resolved, pretty(dimension) if isinstance(dimension, tuple) else ""
 
@@ -228,7 +229,7 @@ def _vector(
     reader: Reader, parts: tuple[Expression, ...], at: int, text: str
 ) -> tuple[Expression, str]:
     """The components, which are of one kind; zeros are of any."""
-    entries = tuple(reader.scope.resolved(x, ANYTHING, "an output", text) for x in parts)
+    entries = tuple(reader.scope.resolved(x, OUTPUT, "an output", text) for x in parts)
     # a sum has the dimension that all its terms have
     dimension = infer(tree.Sum(entries, at), reader.scope.dimensions, text)
     unit = pretty(dimension) if isinstance(dimension, tuple) else ""
@@ -307,10 +308,14 @@ def _with_point(
     )
 
 
-def _angle_unit(formula: Expression, names: Names) -> str:
-    """A coordinate or velocity on its own keeps its unit, for rad and rad/s are not seen in
-    dimensions."""
-    if isinstance(formula, tree.Name | tree.Rate):
-        wanted = f"der({formula.name})" if isinstance(formula, tree.Rate) else formula.name
-        return names.unit(wanted)
-    return ""
+def _angle_unit(formula: Expression, names: Names, measures: Mapping[str, Measure]) -> str:
+    """A coordinate, velocity or its rate on its own keeps its unit, for rad, rad/s and rad/s^2 are
+    not seen in dimensions."""
+    if not isinstance(formula, tree.Name | tree.Rate):
+        return ""
+    measure = measures.get(formula.name)
+    if measure is not None and measure.quantity == SPEEDING:
+        speed = names.unit(f"der({measure.frame})") or names.unit(measure.frame)
+        return f"{speed}^2" if speed == "rad/s" else ""
+    wanted = f"der({formula.name})" if isinstance(formula, tree.Rate) else formula.name
+    return names.unit(wanted)

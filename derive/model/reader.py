@@ -193,11 +193,11 @@ class Reader:
         is none."""
         return self.rewriting(text).scalar(parsed)
 
-    def rewriting(self, text: str) -> Rewriting:
-        """What functions of the motion mean in the formula `text`."""
-        return Rewriting(
-            self.measures, self.scope, self.space, self.definitions, self._point_entry, text
-        )
+    def rewriting(self, text: str, accelerations: bool = False) -> Rewriting:
+        """What functions of the motion mean in the formula `text`; in one with `accelerations`
+        velocities have rates."""
+        tables = self.measures, self.scope, self.space, self.definitions
+        return Rewriting(*tables, self._point_entry, text, accelerations, self.curves.keys())
 
     def _point_entry(self, entry: Expression, text: str) -> Expression:
         resolved = self.scope.resolved(entry, CONSTANT, "a point", text)

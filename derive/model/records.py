@@ -121,7 +121,9 @@ class Measure:
     `quantity` is "position" of `point` (m, own axes) or its rate "velocity"; "orientation", the
     entry (row, column) of relative ← frame, or its rate "turning"; "angular_velocity", about the
     normal in a planar model; "angle" of a planar one; "length" of the path `frame` and its rate
-    "lengthening". `component`: which entry.
+    "lengthening". Accelerations are the rates of these rates: "acceleration", "second_turning",
+    "angular_acceleration", "second_lengthening", and "speeding" of the rate of the coordinate
+    `frame`, or of the generalized velocity of that name. `component`: which entry.
     """
 
     name: str
@@ -396,6 +398,7 @@ class Model:
     symbols: tuple[tuple[str, str], ...] = ()  # of parameters and coordinates, as LaTeX
     body_symbols: tuple[tuple[str, str], ...] = ()
     measures: tuple[Measure, ...] = ()  # kinematics that formulas use
+    accelerations: tuple[Measure, ...] = ()  # the same of outputs, which depend on v̇
     paths: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()  # what is taken otherwise than a reader might expect
     tables: tuple[Table, ...] = ()

@@ -334,7 +334,7 @@ def _places(text: str, known: frozenset[str]) -> tuple[tuple[int, str], ...]:
         if isinstance(node, tree.Name) and node.at in letters and node.name in tuple("xyz"):
             continue
         if isinstance(node, tree.Rate):
-            names[text.index(node.name, node.at + 3)] = node.name
+            names[text.index(node.name, node.at + 3)] = node.name.partition(".")[0]
         elif isinstance(node, tree.Call):
             names[node.at] = node.function
         elif isinstance(node, tree.Name):

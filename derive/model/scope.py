@@ -22,6 +22,7 @@ PARAMETER, COORDINATE, VELOCITY, INPUT, TIME = (
     "time",
 )
 REACTION = "a reaction"
+ACCELERATION = "an acceleration"
 STATE = "a state"
 CONSTANT = frozenset({PARAMETER})
 POSITION = frozenset({PARAMETER, COORDINATE, TIME})
@@ -29,6 +30,7 @@ ROW = frozenset({PARAMETER, COORDINATE, VELOCITY})
 MOTION = POSITION | {VELOCITY}
 ANYTHING = MOTION | {INPUT, STATE}
 NONIDEAL = ANYTHING | {REACTION}
+OUTPUT = ANYTHING | {ACCELERATION}
 
 
 # how others write the rate of a coordinate: q_dot, qdot, q_d; dq, dq_dt, Dq, d_q, dot_q; and qd1
@@ -239,6 +241,7 @@ def _allowed_words(allowed: frozenset[str]) -> str:
         STATE: "states",
         TIME: "t",
         REACTION: "reactions",
+        ACCELERATION: "accelerations",
     }
     words = [word for kind, word in plural.items() if kind in allowed] or ["numbers"]
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -172,7 +172,7 @@ class Document(Entry):
     outputs: dict[Name, Formula] = Field(
         {},
         description="Formulas, of vectors with all components: position(body, point, frame), "
-        "velocity(body, point); alone angle(body), reaction(name).",
+        "velocity(body, point); alone angle(body), reaction(name). Accelerations stand here alone.",
         json_schema_extra=term("y"),
     )
     events: dict[Name, EventOrFormula] = Field(

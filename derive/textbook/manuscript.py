@@ -313,7 +313,7 @@ class Manuscript:
 
     def formula(self, expression: Expression | float, about: str) -> Math:
         """A formula of the model inside a table; it too is evaluated by the test, but where it
-        uses reactions, which are no part of the state."""
+        uses reactions or accelerations, which are no part of the state."""
         number = isinstance(expression, float | int)
         value = ca.SX(expression if number else self.system.symbols.scalar(expression))
         return self.term(value, about)
@@ -325,7 +325,8 @@ class Manuscript:
         entries = self.reader.whole(value)
         if entries is None:
             return Math(r"\ldots")
-        if not ca.depends_on(value, self.notation.reactions):
+        later = ca.vertcat(self.notation.reactions, self.notation.vdot)
+        if not ca.depends_on(value, later):
             self._record(about, "", (None,), [entries], value)
         self.rounded = self.rounded or is_long(entries[0])
         return Math(self.typesetter.latex(rounded(entries[0])))

@@ -52,6 +52,7 @@ class Notation:
         self.t = self._new("t", "t")
         self.g = self._gravity()
         self.reactions, self.multipliers = self._reactions()
+        self.vdot, self.accelerations = self._accelerations()
         for x in extra:
             self._call(x.symbol, x.latex)
 
@@ -63,6 +64,12 @@ class Notation:
             self._symbol(f"{REACTION}{row}", rf"\lambda_{{{names.upright(row)}}}") for row in rows
         ]
         return known.reactions(rows), symbols
+
+    def _accelerations(self) -> tuple[ca.SX, list[sympy.Symbol]]:
+        """v̇, which outputs may use: with a dot, as where the equations of motion tell it."""
+        if not self.terms.system.model.accelerations:
+            return ca.SX(0, 1), []
+        return self.terms.system.symbols.vdot, [self.rate(symbol) for symbol in self.v]
 
     def _gravity(self) -> Gravity | None:
         """The letter g for the file's number, unless the file has a g of its own."""
@@ -142,15 +149,17 @@ class Notation:
         columns = [s.t, s.q, s.v, *([self.terms.w] if tied else []), s.u, s.p]
         symbols = [self.t, *self.q, *self.v, *(self.w if tied else []), *self.u, *self.p]
         return Reader(
-            ca.vertcat(*columns, self.reactions, *[x.sx for x in self.extra]),
-            [*symbols, *self.multipliers, *[x.symbol for x in self.extra]],
+            ca.vertcat(*columns, self.reactions, self.vdot, *[x.sx for x in self.extra]),
+            [*symbols, *self.multipliers, *self.accelerations, *[x.symbol for x in self.extra]],
             not self.p,  # a file of numbers alone means them as it writes them
             self.g,
             leftovers(s.model),
         )
 
     def in_basic_symbols(self, value: ca.SX) -> ca.SX:
-        """The term without the extra symbols."""
+        """The term without the extra symbols, and with v̇ of the motion."""
+        if ca.depends_on(value, self.vdot):
+            value = ca.substitute(value, self.vdot, self.terms.vdot)
         if not self.extra:
             return value
         symbols = ca.vertcat(*[x.sx for x in self.extra])

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import casadi as ca
 
+from derive.formulations.motion import per_second
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
+from derive.textbook.records import Math
 
 
 def outputs(doc: Manuscript) -> None:
@@ -13,6 +15,8 @@ def outputs(doc: Manuscript) -> None:
     if not doc.system.outputs:
         return
     doc.section("Outputs")
+    if doc.notation.accelerations:
+        _accelerations(doc)
     doc.say("The model's outputs are:")
     for name, value, unit in doc.system.outputs:
         reactions = _reactions_in(doc, value)
@@ -24,6 +28,27 @@ def outputs(doc: Manuscript) -> None:
             )
         else:
             _formula(doc, name, value, unit)
+
+
+def _accelerations(doc: Manuscript) -> None:
+    """What the rates of velocities in outputs are."""
+    rates, latex = doc.notation.accelerations, doc.notation.latex
+    doc.say(
+        "Outputs use accelerations. In them {rates} stand for the rates $!!v$ of the generalized "
+        "velocities, as the equations of motion give them.",
+        rates=Math(", ".join(latex[x] for x in rates)),
+    )
+    for symbol, rate, velocity in zip(doc.v, rates, doc.system.model.velocities):
+        if rate not in doc.rates:
+            unit = per_second(velocity.unit)
+            doc.mean(latex[rate], "rate of {of}", unit, of=Math(latex[symbol]))
+    told = {symbol for formula in doc.printed for symbol in formula.left}
+    rest = [j for j, rate in enumerate(rates) if rate not in told]
+    value = doc.terms.vdot[rest]
+    entries = doc.read(value) if rest else None
+    if entries is not None:
+        doc.say("Those that are not written out above are:")
+        doc.lines("accelerations", [rates[j] for j in rest], entries, value)
 
 
 def _reactions_in(doc: Manuscript, value: ca.SX) -> list[str]:

@@ -191,14 +191,24 @@ def _energy(ref: Reference, module: ModuleType, place: Place) -> float:
 
 def _outputs(ref: Reference, module: ModuleType, place: Place) -> float:
     found = called(module.outputs, *place.row)
-    wanted = outputs(ref.model, place.state, np.zeros(0))
+    wanted = outputs(ref.model, place.state, np.zeros(0), _moving(ref, module, place))
     if found.shape != wanted.shape:
         return math.inf
     return relative(found, nearest_turn(ref.model, wanted, found))
 
 
+def _moving(ref: Reference, module: ModuleType, place: Place) -> Array:
+    """v̇ of the module, which its balance is checked by; none where no output needs it."""
+    if not ref.model.accelerations:
+        return np.zeros(len(place.state.v))
+    rates = called(module.dynamics, *place.row)[len(place.state.q) :]
+    whole = len(rates) == len(place.x) - len(place.state.q)
+    return place.accelerations(rates) if whole else np.full(len(place.state.v), np.nan)
+
+
 def _events(ref: Reference, module: ModuleType, place: Place) -> float:
-    return relative(called(module.events, *place.row), events(ref.model, place.state, np.zeros(0)))
+    wanted = events(ref.model, place.state, np.zeros(0), _moving(ref, module, place))
+    return relative(called(module.events, *place.row), wanted)
 
 
 # ---- what the module is called with, and what its results are held against

@@ -351,17 +351,21 @@ def results(e: Evidence) -> float | None:
         return None
     ours, model = e.results("outputs"), e.reference.model
     wanted = [
-        nearest_turn(model, outputs(model, own, lam), y)
-        for own, y, lam in zip(e.own, ours, _reactions(e))
+        nearest_turn(model, outputs(model, own, lam, o.vdot), y)
+        for own, o, y, lam in zip(e.own, e.outcomes, ours, _reactions(e))
     ]
     uses_multipliers = any(
         isinstance(x.expression, Call) and x.expression.function == "reaction"
         for x in model.outputs
     )
     labels = e.graph.equations.function("outputs").result.units
-    relax = e.conditions if uses_multipliers else None
+    relax = e.conditions if uses_multipliers or model.accelerations else None
     largest = [1.0 + worst(s.q / e.units.q) for s in e.samples] + e.speeds
-    sums = Sums(SOLVED, largest + e.forces if uses_multipliers else largest)
+    largest = largest + e.forces if uses_multipliers else largest
+    # as λ and v̇ are, they are known to what rounding leaves of the sums that they come from
+    if model.accelerations:
+        largest = largest + np.asarray(e.of_accelerations(SOLVED).sizes)
+    sums = Sums(SOLVED, largest)
     return deviation(ours, wanted, relax, unit=e.units.own.all_of(labels), sums=sums)
 
 
@@ -370,7 +374,8 @@ def happenings(e: Evidence) -> float | None:
     if not e.graph.has("events"):
         return None
     ours, model = e.results("events"), e.reference.model
-    wanted = [events(model, own, lam) for own, lam in zip(e.own, _reactions(e))]
+    states = zip(e.own, _reactions(e), e.outcomes)
+    wanted = [events(model, own, lam, o.vdot) for own, lam, o in states]
     largest = [1.0 + worst(s.q / e.units.q) + worst(g) for s, g in zip(e.samples, wanted)]
     return deviation(ours, wanted, e.conditions, sums=Sums(SOLVED, largest))
 

@@ -127,7 +127,7 @@ def samples(system: System, reference: Reference, count: int, seed: int) -> tupl
 
 def _has_values(model: Model, s: Sample) -> bool:
     """Whether all forces and outputs have: a formula may be no number somewhere."""
-    told = outputs(model, s.state, s.outcome.lam)
+    told = outputs(model, s.state, s.outcome.lam, s.outcome.vdot)
     return all(np.isfinite(x).all() for x in (s.outcome.Q, s.outcome.h, told))
 
 

@@ -8,7 +8,7 @@ derivative, over ż.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,13 @@ from hamel.verify.reference.vectors import UNIT, Array
 
 NORMAL = {"xy": UNIT["z"], "xz": -UNIT["y"], "yz": UNIT["x"]}
 RATES = {"velocity": "position", "turning": "orientation", "lengthening": "length"}
+# accelerations and what they are rates of
+SECOND = {
+    "acceleration": "velocity",
+    "second_turning": "turning",
+    "angular_acceleration": "angular_velocity",
+    "second_lengthening": "lengthening",
+}
 
 
 @dataclass(frozen=True)
@@ -47,6 +54,31 @@ def measured(model: Model, state: State) -> dict[str, Measured]:
         return {}
     place = layout(model)
     return {measure.name: _measured(model, place, state, measure) for measure in model.measures}
+
+
+def accelerations(
+    model: Model, state: State, vdot: Array, twists: Mapping[str, Array]
+) -> Mapping[str, float]:
+    """Every acceleration of outputs by name, at the rates v̇ of the velocities and those of the
+    twists of bodies."""
+    place = layout(model)
+    zdot = np.concatenate([vdot, *(twists.get(body, np.zeros(6)) for body in place.bodies)])
+    return {x.name: _acceleration(model, place, state, x, zdot) for x in model.accelerations}
+
+
+def _acceleration(
+    model: Model, place: Layout, state: State, measure: Measure, zdot: Array
+) -> float:
+    """over ż + rest of a velocity; q̈ = N v̇ + Ṅ v of a coordinate."""
+    if measure.quantity in SECOND:
+        of = replace(measure, quantity=SECOND[measure.quantity])
+        velocity = _measured(model, place, state, of)
+        return float(velocity.over @ zdot + velocity.rest)
+    names = [x.name for x in model.coordinates]
+    if measure.frame in names:
+        i = names.index(measure.frame)
+        return float(state.row(i) @ zdot[: place.nv] + state.drift[i])
+    return float(zdot[[x.name for x in model.velocities].index(measure.frame)])
 
 
 def _measured(model: Model, place: Layout, state: State, measure: Measure) -> Measured:

@@ -2,27 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from derive.expressions import tree
 from derive.model.records import Model, Output
 from derive.model.rows import row_names
+from hamel.verify.reference.balance import twist_rates
+from hamel.verify.reference.measures import accelerations
 from hamel.verify.reference.states import Frame, State
 from hamel.verify.reference.vectors import Array
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
-def outputs(model: Model, state: State, lam: Array) -> Array:
+def outputs(model: Model, state: State, lam: Array, vdot: Array) -> Array:
     """All outputs in order, vectors as two (planar) or three components; `lam` are the multipliers
-    of all rows."""
+    of all rows, `vdot` the v̇ of the motion."""
+    moving = _accelerated(model, state, vdot)
     return np.concatenate(
-        [np.zeros(0), *(_output(model, state, output, lam) for output in model.outputs)]
+        [np.zeros(0), *(_output(model, moving, output, lam) for output in model.outputs)]
     )
 
 
-def events(model: Model, state: State, lam: Array) -> Array:
+def _accelerated(model: Model, state: State, vdot: Array) -> State:
+    """The state with accelerations among its names, where outputs use any."""
+    if not model.accelerations:
+        return state
+    found = accelerations(model, state, vdot, twist_rates(state, vdot))
+    return replace(state, names=state.names | dict(found))
+
+
+def events(model: Model, state: State, lam: Array, vdot: Array) -> Array:
     """The formulas of all events, with outputs by name and points by component."""
+    state = _accelerated(model, state, vdot)
     names: dict[str, float] = {}
     for output in model.outputs:
         values = _output(model, state, output, lam)

@@ -43,31 +43,28 @@ def orthonormal(
     alike: a matter of conditioning, not of mechanics.
     """
     A = scalars(rows.A) if kept else []
-    nv, nc = system.v.numel(), len(kept)
-    frame, watched = None, _Watched(system, sampled)
-    guards: tuple[Guard, ...] = ()
-    N: list[Vector] = []
-    if nv - nc == 1 and nc <= MINORS:
-        N, length = _cross_product(A)
+    free, watched = system.v.numel() - len(kept), _Watched(system, sampled)
+    if free == 1 and len(kept) <= MINORS:
+        basis, length = _cross_product(A)
         guards = watched([f"{LENGTH} 1"], [length], SINGULAR)
-    elif nv > nc:
-        base = _frame(system, kept, sampled)
-        frame = _movable(system, base) if moving and nc else None
-        columns: list[Vector] = [[float(x) for x in column] for column in base.T]
-        directions = columns if frame is None else _columns_of(frame, nv)
-        names = [f"pivot of {name}" for name in rows.names]
-        if nc > ROWS:
-            projected, pivots, order = _projected(A, directions)
-            guards = watched([names[i] for i in order], pivots, SQUARED)
-            N, lengths = _gram_schmidt(projected)
-        else:
-            found, every = _gram_schmidt([*A, *directions])
-            guards = watched(names, every[:nc], SINGULAR)
-            N, lengths = found[nc:], every[nc:]
-        guards += tuple(
-            Guard(f"{LENGTH} {k + 1}", ca.SX(x), SINGULAR) for k, x in enumerate(lengths)
-        )
-    return _reduction(system, kept, A, rows.c, N, guards, frame)
+        return _reduction(system, kept, A, rows.c, basis, guards, None)
+    if not free and rows.c.is_zero():  # at rest, wherever it is
+        return _reduction(system, kept, A, rows.c, [], (), None)
+    base = _frame(system, kept, sampled)
+    frame = _movable(system, base) if moving and kept and free else None
+    columns: list[Vector] = [[float(x) for x in column] for column in base.T]
+    directions = columns if frame is None else _columns_of(frame, system.v.numel())
+    names = [f"pivot of {name}" for name in rows.names]
+    if len(kept) > ROWS:
+        projected, pivots, order = _projected(A, directions)
+        guards = watched([names[i] for i in order], pivots, SQUARED)
+        basis, lengths = _gram_schmidt(projected)
+    else:
+        found, every = _gram_schmidt([*A, *directions])
+        guards = watched(names, every[: len(kept)], SINGULAR)
+        basis, lengths = found[len(kept) :], every[len(kept) :]
+    guards += tuple(Guard(f"{LENGTH} {k + 1}", ca.SX(x), SINGULAR) for k, x in enumerate(lengths))
+    return _reduction(system, kept, A, rows.c, basis, guards, frame)
 
 
 @dataclass(frozen=True)
@@ -243,6 +240,8 @@ def _particular(A: list[Vector], c: list[ca.SX]) -> ca.SX:
 def _frame(system: System, kept: Sequence[int], sampled: States) -> np.ndarray:
     """Constant nv × nw frame: the null space at the sampled state that suits all sampled states
     best."""
+    if len(kept) == system.v.numel():
+        return np.zeros((len(kept), 0))
     rows = Kinematics(system).rows(sampled.t, sampled.q, sampled.p)[0][:, list(kept)]
     spaces = [
         np.linalg.svd(A)[2][len(kept) :].T if len(kept) else np.eye(system.v.numel()) for A in rows

@@ -84,11 +84,20 @@ def ball_joint(sequence: str) -> JointType:
     """The ball joint with Euler angles (θ₁, θ₂, θ₃) of the given intrinsic sequence, such as "zxz",
     as coordinates; v = ω in the child's frame as with a quaternion, so that Euler's equations are
     the same. It closes no loop by itself: a closure has no coordinates."""
+
+    def rotation(q: Sequence[Scalar], axis: Sequence[Scalar]) -> Rotation:
+        """Parent ← child: R₁(θ₁) R₂(θ₂) R₃(θ₃)."""
+        return euler_rotation(sequence, q)
+
+    def rates(q: Sequence[Scalar], v: Sequence[Scalar], axis: Sequence[Scalar]) -> Vector:
+        """θ̇ from ω; singular where the middle angle makes the other two axes parallel."""
+        return angle_rates(sequence, q, v)
+
     return replace(
         BALL,
         about="any rotation about a point, by Euler angles",
         coordinates=ANGLES,
-        rotation=lambda q, axis: euler_rotation(sequence, q),
-        rates=lambda q, v, axis: angle_rates(sequence, q, v),
+        rotation=rotation,
+        rates=rates,
         unit_from=-1,
     )

@@ -75,6 +75,18 @@ def test_stretched_legs_are_refused(most: int, monkeypatch: pytest.MonkeyPatch) 
     assert clearances(e, usual.t, usual.q, usual.p).min() > 1e3
 
 
+def test_a_motion_that_rows_decide_is_refused_where_they_lose_rank() -> None:
+    """A driven crank: with all bars on one line nothing holds coupler and rocker."""
+    drive = "c: {type: prescribed, coordinate: a, motion: (0.5 rad/s)*t}"
+    text = FOUR_BAR.replace("SIZE", "1 m").replace("closures: {", "constraints: {" + drive + "}\nclosures: {")  # fmt: skip
+    found = system(load_text(text))
+    e, p = equations(found, "even"), np.array(found.parameters)
+    guards = [guard.name for guard in e.function("dynamics").guards]
+    assert guards == ["pivot of C.x", "pivot of C.y", "pivot of c"]
+    stretched = np.array([[0.0, 0.0, np.pi]])
+    assert clearances(e, np.zeros(1), stretched, p[None]).min() < 1.0
+
+
 @pytest.mark.parametrize("size", ["1 um", "1 m", "1 km"])
 def test_guards_know_the_size_of_a_mechanism(size: str) -> None:
     found = system(load_text(FOUR_BAR.replace("SIZE", size)))

@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from ._simulation import Simulation, Status
+
 LONGER = 7.0 / 3.0  # steps of the companion
 SAFETY, OF_EQUAL_STEPS = 5.5, 12.0
 EXPONENT = 0.9  # of what the order promises
@@ -40,19 +42,31 @@ def rows(times: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(times[..., ::-1][..., ::2][..., ::-1])
 
 
+def until_events(found: Simulation) -> np.ndarray:
+    """The times of all rows; of many motions those that an event stopped have its time from there
+    on, as they have its state."""
+    stopped = np.flatnonzero(np.ravel(found.status) == Status.EVENT)
+    events = found.events
+    if np.ndim(found.status) == 0 or not stopped.size or events is None or events.row is None:
+        return found.t
+    ends = np.full(np.size(found.status), np.inf)
+    ends[stopped] = events.t[np.searchsorted(events.row, stopped, "right") - 1]
+    return np.minimum(found.t, ends.reshape(*np.shape(found.status), 1))
+
+
 def estimate(
     found: Any, companion: Any, order: float | None, rtol: float, equal: bool
 ) -> np.ndarray:
     """Of every entry of x at every row, never falling along the motion; NaN where the companion did
-    not arrive, and of those of many motions that ended before their last row: how many steps their
-    companions took as far as there is not known. `equal` says that steps have a size that was asked
+    not arrive, and of those of many motions that could not go on: how many steps their companions
+    took as far as there is not known. `equal` says that steps have a size that was asked
     for."""
     lean = found.x[..., ::-1, :][..., ::2, :][..., ::-1, :]
     reached = companion.x.shape[-2]
     apart = np.full(lean.shape, np.nan)
     apart[..., :reached, :] = np.abs(lean[..., :reached, :] - companion.x)
     if apart.ndim > 2:
-        apart[np.asarray(found.status) != 0] = np.nan
+        apart[~np.isin(found.status, (Status.OK, Status.EVENT))] = np.nan
     grown = _largest_until(np.where(np.isnan(apart), np.inf, apart))
     steps = _tried(found)
     longer = steps / np.maximum(_tried(companion), 1.0)

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ._error import coarser, estimate, rows
+from ._error import coarser, estimate, rows, until_events
 from ._events import Watch
 from ._inputs import Callback, Feed, Source, Table, check_cover, source
 from ._many_motions import many
@@ -72,7 +72,7 @@ def _companion(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of motions that the caller does not see
         try:
-            asked = replace(coarse, times=rows(found.t), progress=None)
+            asked = replace(coarse, times=rows(until_events(found)), progress=None)
             return _found(facts, backend, asked)[0]
         except Stopped as stopped:
             return stopped.partial

@@ -45,6 +45,7 @@ from derive.expressions.units import PREFIXES, SI, UNITS, Factor, Unit, compound
 NESTING = 60  # brackets, calls and exponents inside each other
 HEIGHT = 120  # levels of the finished tree: everything downstream may recurse over it
 LONGEST = 1 << 20  # characters
+LONGEST_SYMBOL = max(map(len, UNITS))
 
 _PLAIN = re.compile(r"[+-]?(?:0|[1-9][0-9]*)(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?")
 _TOKEN = re.compile(
@@ -577,6 +578,8 @@ def _is_kinematic(part: Expression) -> bool:
 
 def _split_unit(text: str) -> str:
     """`Nm` → `N*m`: two or three symbols run together, if possible without a prefix."""
+    if len(text) > 3 * LONGEST_SYMBOL:  # a file may have thousands of letters here
+        return ""
     splits = [
         (text[:i], *filter(None, (text[i:k], text[k:])))
         for i in range(1, len(text))

@@ -29,7 +29,9 @@ SIZES = {
     "revolute": 1, "prismatic": 1, "screw": 1, "cylindrical": 2, "universal": 2, "ball": 4,
     "planar": 3, "free": 7, "fixed": 0,
 }  # fmt: skip
+BY_ANGLES = "ball by angles"  # every other ball turns by Euler angles
 SPACE, PLANE = tuple(SIZES), ("revolute", "prismatic", "planar")
+SIZES[BY_ANGLES] = 3
 SPACE_LOOPS = tuple(kind for kind in SPACE if kind != "free")
 PLANE_LOOPS = ("revolute", "prismatic", "fixed")
 MEETINGS = ("distance", "point_on_surface", "no_slip", "rolling", "coupling", "prescribed")
@@ -113,6 +115,8 @@ class Joint:
                 return rotation(a, q[0]) @ rotation(self.axis2, q[1]), zero
             case "ball":
                 return of_quaternion(*q), zero
+            case "ball by angles":
+                return rpy(q[::-1]), zero  # zyx: about axes that turn along
             case "planar":
                 return rotation(one[2], q[2]), np.array([q[0], q[1], 0])
             case "free":
@@ -184,7 +188,7 @@ class Mechanism:
     def axes(self, kind: str, axis: Array, axis2: Array, pitch: float) -> dict:
         """What the file says of the axes of a joint or closure."""
         turning = self.planar and kind != "prismatic"
-        none = turning or kind in ("ball", "free", "planar", "fixed")
+        none = turning or kind in ("ball", BY_ANGLES, "free", "planar", "fixed")
         entry: dict = {} if none else {"axis": self.vector(axis)}
         more = {"universal": {"axis2": self.vector(axis2)}, "screw": {"pitch": pitch}}
         return entry | more.get(kind, {})
@@ -207,14 +211,17 @@ class Mechanism:
     def grow(self, kind: str, parent: int) -> None:
         """One more body on a joint."""
         rng, i = self.rng, len(self.joints)
+        size, by_angles = SIZES[kind], kind == "ball" and i % 2 == 1
         axis, before, behind = self.any_axis(kind), self.any_frame(), self.any_frame()
         pitch, first = float(rng.uniform(-0.5, 0.5)), len(self.names)
-        joint = Joint(kind, parent, before, behind, axis, across(axis), pitch, first)
+        named = BY_ANGLES if by_angles else kind
+        joint = Joint(named, parent, before, behind, axis, across(axis), pitch, first)
         self.joints.append(joint)
-        q = rng.uniform(-0.8, 0.8, SIZES[kind])
+        q = rng.uniform(-0.8, 0.8, size)
         if kind in ("ball", "free"):
-            q[-4:] = rng.normal(size=4)
-            q[-4:] /= np.linalg.norm(q[-4:])
+            quaternion = rng.normal(size=4)
+            q[-4:] = q[-4:] if by_angles else quaternion / np.linalg.norm(quaternion)
+        q = q[:3] if by_angles else q
         self.pose = np.append(self.pose, q)
         own = (
             kind in ONE and rng.random() < 0.1
@@ -246,6 +253,9 @@ class Mechanism:
         entry |= self.axes(joint.kind, joint.axis, joint.axis2, joint.pitch)
         if joint.kind == "free":
             return entry | {"position": names[:3], "orientation": {"quaternion": names[3:]}}
+        if joint.kind == BY_ANGLES:
+            turned = {"euler": "zyx", "angles": names}
+            return entry | {"type": "ball", "orientation": turned}
         if not names:
             return entry
         return entry | ({"coordinate": names[0]} if joint.kind in ONE else {"coordinates": names})

@@ -190,7 +190,12 @@ VALUES: dict[str, Callable[[Scene], list]] = {
     "rpy": _some([0.1, 0.2, 0.3]),
     "axis_angle": _some([[0, 0, 1], 0.4]),
     "matrix": _some([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
-    "inertia": _some(0.1, [0.1, 0.2, 0.25], [0.1, 0.2, 0.25, 0.01, 0.02, -0.03]),
+    "inertia": _some(
+        0.1,
+        [0.1, 0.2, 0.25],
+        [0.1, 0.2, 0.25, 0.01, 0.02, -0.03],
+        [[0.1, 0.01, 0.02], [0.01, 0.2, -0.03], [0.02, -0.03, 0.25]],
+    ),
     "tensor": _some(0.1, [0.1, 0.2, 0.25], [0.1, 0.2, 0.25, 0.01, 0.02, -0.03]),
     "InertiaEntry.about": _some("com", "origin"),
     "about": _some("a word"),
@@ -211,7 +216,9 @@ VALUES: dict[str, Callable[[Scene], list]] = {
     "parameters": _some({"k": "0.2 m"}),
     "Model.coordinates": _some({"z": "m"}),
     "where": _formulas("2*{q}"),
-    "outputs": _formulas("position({c}, {p})", "velocity({c}, {p})", "angle({c})", "{q}"),
+    "outputs": _formulas(
+        "position({c}, {p})", "velocity({c}, {p})", "acceleration({c}, {p})", "angle({c})", "{q}"
+    ),
     "quasi_velocities": _choices,
     "initial": _entries(lambda scene: [*COORDINATE(scene), *RATE(scene)], 0.1),
     "steady_motion": _steady,

@@ -90,6 +90,7 @@ def test_units(text: str, factor: float, si: str) -> None:
         ("mm^10", ""),
         ("m^100", ""),
         ("degree", "'deg'"),
+        ("m" * 3000, ""),  # of which there are millions of ways to split it in three
     ],
 )
 def test_refused(text: str, hint: str) -> None:

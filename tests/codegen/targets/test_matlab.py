@@ -45,6 +45,9 @@ two = cart_pole.simulate([0 0.1 0.2], [0 0; 0.1 0.2; 0 0; 0 0], struct('u', [1 2
 one = cart_pole.simulate([0 0.1 0.2], [0; 0.2; 0; 0], struct('u', 2));
 assert(two.x(:, :, 2), one.x, 1e-9);
 assert(size(cart_pole.mass(0, zeros(4, 1))), [2 2]);
+assert(size(cart_pole.dynamics(0, zeros(4, 0))), [4 0]);
+assert(size(cart_pole.mass(0, zeros(4, 0))), [2 2 0]);
+refused(@() cart_pole.dynamics(0, []), 'cart_pole:size');
 """
 
 

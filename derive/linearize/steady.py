@@ -29,6 +29,7 @@ from derive.linearize.limits import (
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
 from derive.model.records import Span, SteadyMotion
+from derive.states import gimbal
 from derive.states.closing import Kinematics, closed, nominal, normalised
 from derive.states.initial import initial_state
 from derive.states.scales import scales
@@ -195,10 +196,21 @@ def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
     problem: AssumptionError | None = None
     for y in starts(found, p, s):
         try:
-            return _at_rest(found, solved(found, p, s, y), p, s)
+            y = _at_rest(found, solved(found, p, s, y), p, s)
+            _check_attitude(found, y[: found.equations.system.q.numel()], p)
+            return y
         except AssumptionError as error:
             problem = problem or error
     raise problem or AssertionError
+
+
+def _check_attitude(found: Problem, q: np.ndarray, p: np.ndarray) -> None:
+    """Raises AssumptionError where Euler angles are in gimbal lock: their rates have no slopes."""
+    N = found.kinematics.rates(np.zeros(1), q[np.newaxis], p[np.newaxis])
+    names = [] if N is None else gimbal.locked(found.equations.system, N[0])
+    if names:
+        where = f"at the steady motion '{found.motion.name}'"
+        raise AssumptionError(gimbal.told(names, where), hint=gimbal.INSTEAD)
 
 
 def _at_rest(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
@@ -224,9 +236,11 @@ def starts(found: Problem, p: np.ndarray, s: np.ndarray) -> Iterator[np.ndarray]
     if motion.name != GUESS or motion.values:
         given = found.given(p, s) | {name: _number(found, e, p) for name, e in motion.guesses}
         q = _positions(found, given, p)
+        _check_attitude(found, q, p)
         yield _state(found, given, q, _velocities(found, given, q, p), p)
         return
     initial = initial_state(system, p=p)
+    _check_attitude(found, initial.q, p)
     yield _state(found, {}, initial.q, initial.v, p)
     rng, rest = np.random.default_rng(0), np.zeros(system.v.numel())
     for spread in (0.0, *BESIDE):

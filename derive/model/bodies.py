@@ -14,7 +14,7 @@ from derive.expressions.tree import ZERO, Expression, Number
 from derive.model.algebra import Rows, over, rows, to_centre, turned_tensor
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import BodyEntry, InertiaEntry
-from derive.model.limits import INERTIA_SLACK, TRIANGLE_SLACK
+from derive.model.limits import INERTIA_SLACK, SYMMETRIC, TRIANGLE_SLACK
 from derive.model.load_records import Exhaust
 from derive.model.placements import rotation
 from derive.model.reader import Reader
@@ -85,8 +85,9 @@ def _given_moments(reader: Reader, entry: BodyEntry) -> Scalar | Items | None:
         rows_of_three = "three rows of three numbers: [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]"
         reader.report(node.span, "this is not a matrix of moments of inertia", rows_of_three)
         return None
+    size = _largest(reader, [node[i][i] for i in range(3)])
     for i, j in ((0, 1), (0, 2), (1, 2)):
-        if not _agree(reader, node[i][j], node[j][i]):
+        if not _agree(reader, node[i][j], node[j][i], SYMMETRIC * size):
             problem = f"'{node[j][i].text}' here and '{node[i][j].text}' across the diagonal"
             reader.report(node[j][i].span, problem, "the same: a tensor of inertia is symmetric")
     return Items([node[i][j] for i, j in PLACES], node.span)
@@ -96,12 +97,17 @@ def _is_row(line: object) -> bool:
     return isinstance(line, Items) and len(line) == 3 and all(isinstance(x, Scalar) for x in line)
 
 
-def _agree(reader: Reader, above: Scalar, below: Scalar) -> bool:
-    """Written alike, or alike in value, as 0 and -0 are."""
+def _agree(reader: Reader, above: Scalar, below: Scalar, slack: float) -> bool:
+    """Written alike; or of the same parameters and alike in value but for rounding, such as that of
+    R J Rᵀ: the one above the diagonal counts."""
     if above.text == below.text:
         return True
-    first, second = (_moment(reader, x, CONSTANT | {TIME}) for x in (above, below))
-    return reader.value(first, above) == reader.value(second, below)
+    pair = [_moment(reader, x, CONSTANT | {TIME}) for x in (above, below)]
+    names = [{node.name for node in tree.walk(x) if isinstance(node, tree.Name)} for x in pair]
+    first, second = (reader.value(x, at) for x, at in zip(pair, (above, below)))
+    if first is None or second is None:
+        return True  # what is wrong with it is reported
+    return names[0] == names[1] and abs(first - second) <= slack
 
 
 def _moment(reader: Reader, scalar: Scalar, allowed: frozenset[str]) -> Expression:

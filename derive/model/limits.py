@@ -6,6 +6,7 @@ RIGHT_ANGLE = 1e-6  # cosine of the angle between axes that count as being at ri
 
 # bodies
 INERTIA_SLACK = 1e-9  # relative: a thin disk has Ixx + Izz = Iyy exactly, up to rounding
+SYMMETRIC = 1e-9  # of the largest moment: what rounding leaves between the halves of a tensor
 TRIANGLE_SLACK = 1e-5  # relative: of a thin disk whose moments are written with five digits
 
 # quaternions

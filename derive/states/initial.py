@@ -4,7 +4,7 @@ far each was moved."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -14,6 +14,7 @@ from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 from derive.model.records import Span
 from derive.numerics import refuses_numerically
+from derive.states import gimbal
 from derive.states.closing import Kinematics, closed, nominal, normalised, nudges, shortest
 from derive.states.limits import AGREES
 from derive.states.scales import scaled, scales
@@ -240,14 +241,11 @@ def _velocities(
     c wins. Guessed rates that are no generalized velocities say what v is guessed."""
     system = own.system
     A, c, N = solver.velocity_terms(own.t, q, p)
-    for what, values in (
-        ("the constraints' rates", (A, c)),
-        ("the rates of the coordinates", (N,)),
-    ):
-        if not all(np.isfinite(_entries(value)).all() for value in values):
-            raise _problem(
-                system, f"{what} are not finite at the initial position", "another position"
-            )
+    if not all(np.isfinite(_entries(value)).all() for value in (A, c)):
+        what = "the constraints' rates are not finite at the initial position"
+        raise _problem(system, what, "another position")
+    if not np.isfinite(_entries(N)).all():
+        raise _in_gimbal_lock(own, solver, q, p)
     known = _known(system, N, speeds)
     names = [name for name in given if name in known.places]
     rows, values = _chosen(known, given, [name for name in names if name in held])
@@ -307,6 +305,18 @@ def _chosen(
     if isinstance(known.rows, Sparse):
         return known.rows.of_rows(places), values
     return known.rows[places], values
+
+
+def _in_gimbal_lock(own: Own, solver: Kinematics, q: np.ndarray, p: np.ndarray) -> ModelError:
+    """At the joint whose Euler angles they are."""
+    model = own.system.model
+    rates = solver.rates(np.array([own.t]), q[None], p[None])
+    names = gimbal.locked(own.system, np.zeros((0, 0)) if rates is None else rates[0])
+    joint = gimbal.joint_of(own.system, names[0]) if names else None
+    what = gimbal.told(names, "at the initial position")
+    place = joint.span if joint else Span(0, 0)
+    found = model.diagnostic(place, what, "another initial position")
+    return ModelError(replace(found, hint=gimbal.INSTEAD))
 
 
 def _problem(system: System, message: str, advice: str, row: str = "") -> ModelError:

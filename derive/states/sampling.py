@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from derive.diagnostics import AssumptionError, Diagnostic, HamelError, ModelError, listed
+from derive.diagnostics import AssumptionError, Diagnostic, HamelError, ModelError
 from derive.mechanics.records import System
 from derive.numerics import NONZERO, refuses_numerically
+from derive.states import gimbal
 from derive.states.closing import Kinematics, closed, nominal, normalised
 from derive.states.initial import initial_state
 from derive.states.limits import (
@@ -26,7 +27,6 @@ from derive.states.limits import (
     FAR,
     LEAP,
     LEFT_OVER,
-    LOCKED,
     LOOSE,
     NEAR,
     NEWTON,
@@ -427,13 +427,10 @@ def _steady(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> 
 def _refuse_gimbal_lock(system: System, rates: np.ndarray) -> None:
     """Raises AssumptionError where q̇ = N v runs away at most states: no motion can start there."""
     usual = np.median(np.nan_to_num(np.max(np.abs(rates), axis=2), nan=np.inf), axis=0)
-    runaway = [x.name for x, size in zip(system.model.coordinates, usual) if size > LOCKED]
+    runaway = gimbal.locked(system, usual[:, np.newaxis])
     if runaway:
-        raise AssumptionError(
-            f"{listed(runaway)} change without bound wherever the constraints hold: Euler angles "
-            "are in gimbal lock there",
-            hint="take `orientation: quaternion` for this joint, or angles about other axes",
-        )
+        where = "wherever the constraints hold"
+        raise AssumptionError(gimbal.told(runaway, where), hint=gimbal.INSTEAD)
 
 
 def _determined(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:

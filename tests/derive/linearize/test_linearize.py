@@ -427,6 +427,33 @@ def test_equilibria_are_found_from_the_initial_values():
         studied("screw_press", "guess")
 
 
+ROD = """
+model: rod
+gravity: [-9.81 m/s^2, 0, 0]
+bodies: {b: {mass: 1 kg, com: [0, 0, -0.2], inertia: [0.02, 0.03, 0.01]}}
+joints: {J: {type: ball, parent: ground, child: b, orientation: {euler: EULER, angles: [a, n, c]}}}
+initial: {n: 90 deg}
+"""
+
+
+@pytest.mark.parametrize("angle", ["90 deg", "90.0000001 deg"])
+def test_no_slopes_at_gimbal_lock(angle):
+    """Half of what the rod does was lost there, without a word."""
+    locked = equations(system(load_text(ROD.replace("EULER", "xyz").replace("90 deg", angle))))
+    with pytest.raises(AssumptionError, match=r"a, c change without bound .* gimbal lock") as told:
+        study(locked, motion_of(locked, "guess")).motions({})
+    assert "orientation: quaternion" in str(told.value)
+
+
+def test_a_rod_by_angles_that_are_regular_where_it_hangs():
+    """±i √(m g l / I) of both axes, I about the point that holds it."""
+    text = ROD.replace("EULER", "yzx").replace("n: 90 deg", "a: 90 deg")
+    e = equations(system(load_text(text)))
+    values = eigenvalues(study(e, motion_of(e, "guess")).along({}))[0]
+    for inertia in (0.02 + 0.04, 0.03 + 0.04):
+        assert min(abs(values - 1j * np.sqrt(1.962 / inertia))) < 1e-9
+
+
 def test_a_fast_oscillation_of_something_small_is_no_family():
     """In SI its matrix, [0 1; -1e11 -1e4], is singular to eleven digits."""
     text = """

@@ -1010,6 +1010,15 @@ ERRORS = [
         "",
     ),
     (
+        "inertia_of_two_parameters",
+        SPACE.replace("m*l^2/12", "[[3, m*l^2, 0], [«l*l*(1 kg), 3, 0], [0, 0, 3]]").replace(
+            "mass: m", "mass: 9"
+        ),
+        "across the diagonal",
+        "a tensor of inertia is symmetric",
+        "",
+    ),
+    (
         "inertia_that_is_not_symmetric",
         SPACE.replace("m*l^2/12", "[[1, 0.1, 0], [«0.2, 1, 0], [0, 0, 1]]"),
         "'0.2' here and '0.1' across the diagonal",

@@ -1,4 +1,7 @@
-"""Random admissible states, and where there are none that a motion could start from."""
+"""Random admissible states, and where there are none that a motion could start from.
+
+Of derive.states: gimbal.
+"""
 
 from __future__ import annotations
 

@@ -46,9 +46,9 @@ def body(reader: Reader, key: Key, entry: BodyEntry) -> Body:
     com = reader.point(entry.com, "a centre of mass") if first is None else over(first, mass)
     tensor = POINT_MASS if moments is None else _moments(reader, moments, allowed)
     inertia, about_origin = _inertia(reader, entry, tensor, mass, com)
-    _check_mass(reader, key, entry, moments, mass, inertia)
+    possible = _is_possible(reader, key, entry, moments, mass, inertia)
     about = entry.about.text if entry.about else ""
-    return Body(str(key), mass, com, inertia, key.span, first, about_origin, about)
+    return Body(str(key), mass, com, inertia, key.span, first, about_origin, about, possible)
 
 
 def _first_moment(reader: Reader, entry: BodyEntry, mass: Expression) -> Vector3 | None:
@@ -231,36 +231,39 @@ def _in_units(moment: Expression) -> Expression:
     )
 
 
-def _check_mass(
+def _is_possible(
     reader: Reader,
     key: Key,
     entry: BodyEntry,
     given_moments: Scalar | Items | None,
     mass: Expression,
     inertia: Inertia,
-) -> None:
+) -> bool:
+    """Whether a body can have that mass and inertia; reported where it cannot, and noted where the
+    file waives it."""
     given = reader.value(mass, entry.mass)
     if given is not None and given < 0.0:
         reader.report(entry.mass.span, f"the mass of '{key}' is {given:g} kg", "zero or more")
     if given_moments is None:
-        return
+        return True
     scalars = _scalars(given_moments)
     moments = [
         0.0 if moment == ZERO else reader.value(moment, scalars[0]) for moment in inertia if scalars
     ]
     numbers = [moment for moment in moments if moment is not None]
     if len(numbers) < 6:
-        return
+        return True
     slack = INERTIA_SLACK * _largest(reader, scalars)
     if given == 0.0 and max(map(abs, numbers)) > slack:
         reader.notes.append(f"'{key}' has inertia but no mass: it counts where it turns")
     impossible = _impossible(reader, str(key), numbers, slack)
     if impossible is None:
-        return
+        return True
     if reader.answer(entry.physical, otherwise=True):
         reader.report(given_moments.span, *impossible, WAIVER)
     else:
         reader.notes.append(f"{impossible[0]}, and it is taken as it is")
+    return False
 
 
 def _largest(reader: Reader, scalars: list[Scalar]) -> float:

@@ -140,7 +140,8 @@ class Body:
     about the centre of mass).
 
     `first_moment` (kg m) and `about_origin` (kg m², the same entries) where the file gives these:
-    they are then what equations are made of, and the others follow.
+    they are then what equations are made of, and the others follow. `possible`: false where the
+    file waives that a body can have such an inertia, and none can.
     """
 
     name: str
@@ -151,6 +152,7 @@ class Body:
     first_moment: Vector3 | None = None
     about_origin: tuple[Expression, ...] | None = None
     about: str = ""  # what the file says of it
+    possible: bool = True
 
 
 @dataclass(frozen=True)

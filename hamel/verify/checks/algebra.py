@@ -21,9 +21,12 @@ def symmetric(e: Evidence) -> float:
     return worst([worst(M - M.T) / max(worst(M), 1e-300) for M in own])
 
 
-def semidefinite(e: Evidence) -> float:
+def semidefinite(e: Evidence) -> float | None:
     """How far the smallest eigenvalue of M, scaled to a unit diagonal, is below zero. A diagonal
-    entry that cancels counts as what rounding may leave of it."""
+    entry that cancels counts as what rounding may leave of it. Of no meaning where the file has an
+    inertia that no body can have."""
+    if not e.possible:
+        return None
     given = zip(e.terms, e.samples)
     return worst([max(0.0, -least_eigenvalue(t.M, s.outcome.least_inertia)) for t, s in given])
 

@@ -108,6 +108,11 @@ class Evidence:
             )
         return result
 
+    @property
+    def possible(self) -> bool:
+        """Whether there can be bodies with these inertias; false only where the file waives it."""
+        return all(body.possible for body in self.system.model.bodies)
+
     @cached_property
     def real(self) -> Real:
         """What the module computes in."""

@@ -30,8 +30,8 @@ def udwadia_kalaba(e: Evidence) -> float | None:
         return None
     try:
         wanted = [D * _udwadia_kalaba(*rest) for D, *rest in map(_scaled, e.terms)]
-    except np.linalg.LinAlgError:  # M is not positive
-        return np.inf
+    except np.linalg.LinAlgError:  # M is not positive, and has no root
+        return np.inf if e.possible else None
     return acceleration_error(e, wanted, np.maximum(growth, e.conditions))
 
 

@@ -8,6 +8,7 @@ vectors.
 import numpy as np
 import pytest
 
+import hamel
 from derive.diagnostics import AssumptionError
 from derive.model import load, load_text
 from hamel.verify.checks.compare import slope
@@ -395,3 +396,15 @@ constraints:
     np.testing.assert_allclose(
         [*found.vdot, *found.lam, found.power], [-3.0, 0.0, -3.0, -4.5], atol=1e-14
     )
+
+
+def test_an_inertia_that_no_body_has_is_verified_where_the_file_waives_it(tmp_path) -> None:
+    """M is indefinite then: that it is none, and what needs its root, is no error."""
+    text = (
+        "model: odd\nbodies: {b: {mass: 1 kg, inertia: [0.03, 0.01, -0.005], physical: false}}\n"
+        "joints: {J: {type: ball, parent: ground, child: b, orientation: {euler: xyz}}}\n"
+    )
+    (tmp_path / "odd.yaml").write_text(text)
+    record = hamel.verify(tmp_path / "odd.yaml")
+    assert record.passed
+    assert {"M semidefinite", "v̇ Udwadia–Kalaba"}.isdisjoint(x.name for x in record.checks)

@@ -30,7 +30,7 @@ ROW = frozenset({PARAMETER, COORDINATE, VELOCITY})
 MOTION = POSITION | {VELOCITY}
 ANYTHING = MOTION | {INPUT, STATE}
 NONIDEAL = ANYTHING | {REACTION}
-OUTPUT = ANYTHING | {ACCELERATION}
+OUTPUT = ANYTHING | {REACTION, ACCELERATION}
 
 
 # how others write the rate of a coordinate: q_dot, qdot, q_d; dq, dq_dt, Dq, d_q, dot_q; and qd1

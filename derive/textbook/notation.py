@@ -65,6 +65,12 @@ class Notation:
         ]
         return known.reactions(rows), symbols
 
+    def multiplier(self, row: str) -> sympy.Symbol:
+        """Of the row of that name."""
+        known = self.terms.system.symbols
+        rows = [x.removeprefix(REACTION) for x in known.names if x.startswith(REACTION)]
+        return self.multipliers[rows.index(row)]
+
     def _accelerations(self) -> tuple[ca.SX, list[sympy.Symbol]]:
         """v̇, which outputs may use: with a dot, as where the equations of motion tell it."""
         if not self.terms.system.model.accelerations:
@@ -157,7 +163,11 @@ class Notation:
         )
 
     def in_basic_symbols(self, value: ca.SX) -> ca.SX:
-        """The term without the extra symbols, and with v̇ of the motion."""
+        """The term without the extra symbols, and with v̇ and λ of the motion."""
+        if ca.depends_on(value, self.reactions):
+            rows = [row.name for row in self.terms.system.rows]
+            symbols = self.terms.system.symbols.reactions(rows)
+            value = ca.substitute(value, symbols, self.terms.lam)
         if ca.depends_on(value, self.vdot):
             value = ca.substitute(value, self.vdot, self.terms.vdot)
         if not self.extra:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from derive.formulations.motion import per_second
+from derive.model.rows import is_reaction
 from derive.textbook import names
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.records import Math
@@ -18,9 +19,9 @@ def outputs(doc: Manuscript) -> None:
     if doc.notation.accelerations:
         _accelerations(doc)
     doc.say("The model's outputs are:")
-    for name, value, unit in doc.system.outputs:
-        reactions = _reactions_in(doc, value)
-        if reactions:
+    for output, (name, value, unit) in zip(doc.system.model.outputs, doc.system.outputs):
+        if is_reaction(output.expression):
+            reactions = _reactions_in(doc, value)
             doc.say(
                 "{name}: the multipliers $!\\lambda$ of {rows}.",
                 name=name,
@@ -72,6 +73,9 @@ def _formula(doc: Manuscript, name: str, value: ca.SX, unit: str) -> None:
         doc.lines(f"output {name}", symbols, entries, ca.densify(value))
     for latex in labels:
         doc.mean(latex, "output {name}", unit, name=name)
+    for row in _reactions_in(doc, value):
+        symbol = doc.notation.multiplier(row)
+        doc.mean(doc.notation.latex[symbol], "multiplier of {row}", row=row)
 
 
 def _labels(name: str, count: int) -> list[str]:

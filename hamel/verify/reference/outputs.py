@@ -20,23 +20,23 @@ AXES = {"x": 0, "y": 1, "z": 2}
 def outputs(model: Model, state: State, lam: Array, vdot: Array) -> Array:
     """All outputs in order, vectors as two (planar) or three components; `lam` are the multipliers
     of all rows, `vdot` the v̇ of the motion."""
-    moving = _accelerated(model, state, vdot)
+    moving = _moving(model, state, lam, vdot)
     return np.concatenate(
         [np.zeros(0), *(_output(model, moving, output, lam) for output in model.outputs)]
     )
 
 
-def _accelerated(model: Model, state: State, vdot: Array) -> State:
-    """The state with accelerations among its names, where outputs use any."""
-    if not model.accelerations:
-        return state
-    found = accelerations(model, state, vdot, twist_rates(state, vdot))
-    return replace(state, names=state.names | dict(found))
+def _moving(model: Model, state: State, lam: Array, vdot: Array) -> State:
+    """The state with reactions among its names, and accelerations where outputs use any."""
+    names = {f"reaction.{row}": float(x) for row, x in zip(row_names(model), lam)}
+    if model.accelerations:
+        names |= accelerations(model, state, vdot, twist_rates(state, vdot))
+    return replace(state, names=state.names | names)
 
 
 def events(model: Model, state: State, lam: Array, vdot: Array) -> Array:
     """The formulas of all events, with outputs by name and points by component."""
-    state = _accelerated(model, state, vdot)
+    state = _moving(model, state, lam, vdot)
     names: dict[str, float] = {}
     for output in model.outputs:
         values = _output(model, state, output, lam)

@@ -244,7 +244,8 @@ def _velocities(
     if not all(np.isfinite(_entries(value)).all() for value in (A, c)):
         what = "the constraints' rates are not finite at the initial position"
         raise _problem(system, what, "another position")
-    if not np.isfinite(_entries(N)).all():
+    finite = np.isfinite(_entries(N)).all()
+    if not finite or _is_locked_rate(own, solver, given, q, p):
         raise _in_gimbal_lock(own, solver, q, p)
     known = _known(system, N, speeds)
     names = [name for name in given if name in known.places]
@@ -307,11 +308,24 @@ def _chosen(
     return known.rows[places], values
 
 
+def _locked(own: Own, solver: Kinematics, q: np.ndarray, p: np.ndarray) -> list[str]:
+    rates = solver.rates(np.array([own.t]), q[np.newaxis], p[np.newaxis])
+    return [] if rates is None else gimbal.locked(own.system, rates[0])
+
+
+def _is_locked_rate(
+    own: Own, solver: Kinematics, given: dict[str, float], q: np.ndarray, p: np.ndarray
+) -> bool:
+    """Whether a rate is asked for of an Euler angle that is in gimbal lock, but for rounding."""
+    turning = [x for x in own.system.model.joints if len(x.orientation) == 3]
+    asked = {name for x in turning for name in x.coordinates if f"der({name})" in given}
+    return bool(asked) and not asked.isdisjoint(_locked(own, solver, q, p))
+
+
 def _in_gimbal_lock(own: Own, solver: Kinematics, q: np.ndarray, p: np.ndarray) -> ModelError:
     """At the joint whose Euler angles they are."""
     model = own.system.model
-    rates = solver.rates(np.array([own.t]), q[None], p[None])
-    names = gimbal.locked(own.system, np.zeros((0, 0)) if rates is None else rates[0])
+    names = _locked(own, solver, q, p)
     joint = gimbal.joint_of(own.system, names[0]) if names else None
     what = gimbal.told(names, "at the initial position")
     place = joint.span if joint else Span(0, 0)

@@ -328,7 +328,11 @@ class Mechanism:
 
     def can_drift(self) -> bool:
         """Whether there are position constraints that say something."""
-        return bool(self.residuals) and self.rank(self.pose)[1] > 0
+        if not self.residuals:
+            return False
+        count = len(self.residual(self.pose))
+        columns = [self.constraint_rates(self.pose, x)[:count] for x in self.tangents(self.pose)]
+        return bool(np.linalg.norm(columns) > 1e-8)
 
     # ---- what is put into the pose ---------------------------------------------------------------
 

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, ModelError
 from derive.model import load, load_text
 from derive.states import system
+from derive.states.initial import initial_state
 from derive.states.sampling import Walk, states
 
 PLATE = """
@@ -30,6 +31,25 @@ def test_gimbal_lock_wherever_the_constraints_hold_is_refused_in_words() -> None
     with pytest.raises(AssumptionError, match=r"e1, e3 .*gimbal lock") as caught:
         states(system(load_text(PLATE.format(held=90))), 5)
     assert "quaternion" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "rates, refused", [(", der(a): 1", True), (", J.wx: 1", False), ("", False)]
+)
+def test_rates_of_locked_angles_are_no_start(rates: str, refused: bool) -> None:
+    """cos 90 deg is 6e-17: nothing is infinite there, and no v has such rates."""
+    text = (
+        "model: m\nbodies: {b: {mass: 1 kg, inertia: [0.2, 0.3, 0.4]}}\n"
+        "joints: {J: {type: ball, parent: ground, child: b, orientation: {euler: xyz, angles: [a, b1, c]}}}\n"
+        f"initial: {{b1: 90 deg{rates}}}\n"
+    )
+    found = system(load_text(text))
+    if not refused:
+        assert np.isfinite(initial_state(found).v).all()
+        return
+    with pytest.raises(ModelError, match="a, c change without bound") as told:
+        initial_state(found)
+    assert told.value.diagnostics[0].line == 3
 
 
 def test_near_gimbal_lock_is_no_gimbal_lock() -> None:

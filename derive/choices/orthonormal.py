@@ -12,16 +12,15 @@ derivative of N w + A⁺ c along the motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import MINORS, ROWS, SINGULAR, SQUARED
+from derive.choices.limits import MINORS, ROWS, SINGULAR
+from derive.choices.pivots import quadratic_guards, relative_guards
 from derive.choices.records import Frame, Guard
 from derive.choices.reduction import Reduction, symbols_for
-from derive.choices.redundancy import Independent
-from derive.choices.survey import direction_names
+from derive.choices.survey import Survey, direction_names
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import dot, is_zero, minus
 from derive.mechanics.records import System
@@ -32,67 +31,37 @@ from derive.states.sampling import States
 LENGTH = "length of basis vector"  # the guards of the frame are called so
 
 
-def orthonormal(
-    system: System, rows: Independent, kept: Sequence[int], sampled: States, moving: bool = False
-) -> Reduction:
+def orthonormal(survey: Survey) -> Reduction:
     """The reduction with B = Nᵀ, S = N, NᵀN = 1: w are components of v along orthonormal directions
     of ker A. v = N w + A⁺ c.
 
-    `rows` are independent and stand for all, `kept` are such rows of A. With `moving` the frame is
-    symbols, else numbers. Orthonormal in v as it is counted, so entries in m/s and rad/s weigh
-    alike: a matter of conditioning, not of mechanics.
+    Where the survey is of a moving frame it is symbols, else numbers. Orthonormal in v as it is
+    counted, so entries in m/s and rad/s weigh alike: a matter of conditioning, not of mechanics.
     """
+    system, rows, kept = survey.system, survey.independent_rows, survey.kept
     A = scalars(rows.A) if kept else []
-    free, watched = system.v.numel() - len(kept), _Watched(system, sampled)
+    free = system.v.numel() - len(kept)
     if free == 1 and len(kept) <= MINORS:
         basis, length = _cross_product(A)
-        guards = watched([f"{LENGTH} 1"], [length], SINGULAR)
+        guards = relative_guards(survey, [f"{LENGTH} 1"], [length], SINGULAR)
         return _reduction(system, kept, A, rows.c, basis, guards, None)
     if not free and rows.c.is_zero():  # at rest, wherever it is
         return _reduction(system, kept, A, rows.c, [], (), None)
-    base = _frame(system, kept, sampled)
-    frame = _movable(system, base) if moving and kept and free else None
+    base = _frame(system, kept, survey.sampled)
+    frame = _movable(system, base) if survey.moving and kept and free else None
     columns: list[Vector] = [[float(x) for x in column] for column in base.T]
     directions = columns if frame is None else _columns_of(frame, system.v.numel())
-    names = [f"pivot of {name}" for name in rows.names]
     if len(kept) > ROWS:
         projected, pivots, order = _projected(A, directions)
-        guards = watched([names[i] for i in order], pivots, SQUARED)
+        guards = quadratic_guards(survey, [rows.names[i] for i in order], pivots)
         basis, lengths = _gram_schmidt(projected)
     else:
         found, every = _gram_schmidt([*A, *directions])
-        guards = watched(names, every[: len(kept)], SINGULAR)
+        names = [f"pivot of {name}" for name in rows.names]
+        guards = relative_guards(survey, names, every[: len(kept)], SINGULAR)
         basis, lengths = found[len(kept) :], every[len(kept) :]
     guards += tuple(Guard(f"{LENGTH} {k + 1}", ca.SX(x), SINGULAR) for k, x in enumerate(lengths))
     return _reduction(system, kept, A, rows.c, basis, guards, frame)
-
-
-@dataclass(frozen=True)
-class _Watched:
-    """Guards of what is divided by, relative to the largest value at the sampled states: A has the
-    units of the file. What is a number needs none."""
-
-    system: System
-    sampled: States
-
-    def __call__(
-        self, names: Sequence[str], values: Sequence[Scalar], part: float
-    ) -> tuple[Guard, ...]:
-        given = [
-            (name, x)
-            for name, x in zip(names, values)
-            if isinstance(x, ca.SX) and not x.is_constant()
-        ]
-        if not given:
-            return ()
-        system, sampled = self.system, self.sampled
-        every = ca.vertcat(*[x for _, x in given])
-        at = ca.Function("watched", [system.t, system.q, system.p], [every])
-        sizes = at.call([sampled.t.reshape(1, -1), sampled.q.T, sampled.p.T])[0].full()
-        largest = np.max(np.abs(sizes), axis=1, initial=0.0)
-        return tuple(
-            Guard(name, x, part * float(size), part) for (name, x), size in zip(given, largest)
-        )
 
 
 def _movable(system: System, base: np.ndarray) -> Frame:

@@ -82,8 +82,16 @@ def quadratic_guards(
 ) -> tuple[Guard, ...]:
     """Of the pivots of A M⁻¹ Aᵀ or A Aᵀ: they vanish where A loses rank, and with the square of its
     distance from that. So their tolerance is a square, too."""
+    return relative_guards(survey, [f"pivot of {name}" for name in names], pivots, SQUARED)
+
+
+def relative_guards(
+    survey: Survey, names: Sequence[str], values: Sequence[Scalar], part: float
+) -> tuple[Guard, ...]:
+    """Of what is divided by: `part` of its largest value at the sampled states is the least, for it
+    has units of the file. What is a number needs none."""
     symbolic = [
-        (name, x) for name, x in zip(names, pivots) if isinstance(x, ca.SX) and not x.is_constant()
+        (name, x) for name, x in zip(names, values) if isinstance(x, ca.SX) and not x.is_constant()
     ]
     sizes = (
         np.max(np.abs(sampled(survey, ca.vertcat(*[x for _, x in symbolic]))), axis=0).ravel()
@@ -91,8 +99,7 @@ def quadratic_guards(
         else ()
     )
     return tuple(
-        Guard(f"pivot of {name}", x, SQUARED * float(size), SQUARED)
-        for (name, x), size in zip(symbolic, sizes)
+        Guard(name, x, part * float(size), part) for (name, x), size in zip(symbolic, sizes)
     )
 
 

@@ -296,9 +296,7 @@ def _are_the_base(rows: Sequence[RowForm]) -> bool:
 
 
 def _orthonormal(survey: Survey, choice: Choice) -> Resolved:
-    reduction = orthonormal(
-        survey.system, survey.independent_rows, survey.kept, survey.sampled, survey.moving
-    )
+    reduction = orthonormal(survey)
     equations = explicit(survey.system, reduction)
     ranking = judged(survey, choice.name, "orthonormal", reduction.names, reduction, equations)
     return Resolved(

@@ -6,9 +6,8 @@ With p and R (ground ← frame) of a frame, and those of the frame f that it is 
     orientation   R_fᵀ R                        turning    its rate
     angular velocity   R_fᵀ (ω − ω_f)
 
-Accelerations are the rates of these rates, over v̇ too.
-
 where the product of rotations goes through what carries both and not through the ground.
+Accelerations are the rates of these rates, over v̇ too.
 """
 
 from __future__ import annotations

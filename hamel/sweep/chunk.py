@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from codegen.runtime.error import until_events
 from codegen.runtime.simulation import Status
 from derive.expressions.columns import columns_of
 from hamel.simulate.energies import exchanged
@@ -242,12 +243,7 @@ def _run(work: Motions, module: ModuleType, x: np.ndarray, u: np.ndarray, p: np.
 
 def _times(work: Motions, motion: Any) -> np.ndarray:
     """Of all rows; those behind the event that stopped a motion are of then, as its states are."""
-    t = np.tile(work.times, (len(motion.x), 1))
-    stopped = np.flatnonzero(np.asarray(motion.status) == Status.EVENT)
-    if len(stopped):
-        last = np.searchsorted(motion.events.row, stopped, "right") - 1
-        t[stopped] = np.minimum(t[stopped], motion.events.t[last, np.newaxis])
-    return t
+    return np.array(np.broadcast_to(until_events(motion), (len(motion.x), len(work.times))))
 
 
 def _fed(work: Motions, module: ModuleType, u: np.ndarray) -> Any:

@@ -237,6 +237,7 @@ class Rolled:
     angles: tuple[Angle | None, ...]
     sweeps: tuple[Sweep, ...]
     width: int  # of a row of the workspace
+    factors: tuple[Expression, ...]  # f0, f1, …: of parameters, the same at all links
 
     @property
     def links(self) -> int:

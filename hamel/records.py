@@ -55,6 +55,8 @@ class Built:
     left_out: tuple[str, ...]
     ledger: tuple[Mapping[str, Any], ...]
     compiled: bool
+    # function → loops over what repeats, or why it is written out though the mechanism is long
+    rolling: Mapping[str, str] = field(default_factory=dict)
     size: int = 0  # bytes of the library for C
     # nanoseconds of `dynamics` per state for what was compared
     tuned: Mapping[str, float] = field(default_factory=dict)
@@ -270,6 +272,7 @@ class Explained:
     ledger: tuple[Mapping[str, Any], ...]
     left_out: tuple[str, ...]
     assumptions: tuple[str, ...]
+    rolling: Mapping[str, str]  # function → its loops, or why it is written out
 
 
 @dataclass(frozen=True)

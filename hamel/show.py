@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from derive.diagnostics import NAMES
+from hamel.records import Built, Explained
 
 WIDE = 160
 
@@ -75,14 +76,17 @@ def refusals(refused: Mapping[str, str], console: Console) -> None:
         console.print(f"refused {name}: {why.replace(' error: ', ' ', 1)}")
 
 
-def ledger(entries: Sequence[Mapping[str, Any]], left_out: Sequence[str], console: Console) -> None:
-    """What the passes did to each function, and what this model had no use for."""
+def ledger(record: Built | Explained, console: Console) -> None:
+    """What the passes did to each function, which are loops, and what this model had no use for."""
+    entries = record.ledger
     rows = [
         (name, *_summary([e for e in entries if e["function"] == name]))
         for name in dict.fromkeys(e["function"] for e in entries)
     ]
     table(console, ("function", "traced", "emitted", "saved by"), rows, right=(1, 2))
-    for line in left_out:
+    for name, how in record.rolling.items():
+        console.print(f"{name} is {how}")
+    for line in record.left_out:
         console.print(f"left out: {line}")
 
 

@@ -43,7 +43,7 @@ FROM, PER_KIND = 40, 10
 FEWEST = 3  # of each kind: with fewer the code of all kinds is as long
 # what loops over links call their own, in C and Python
 _LOCALS = """
-i j n k r e here sine cosine sines cosines angle angles slot slots tables constants come go start
+i j n k f r e here sine cosine sines cosines angle angles slot slots tables constants come go start
 kind kinds rising singular
 """
 LOCALS = frozenset(_LOCALS.split())
@@ -135,6 +135,7 @@ def rolled(function: Function, arguments: Sequence[Argument]) -> Loops:
             for sweep, visits in zip(of.sweeps, sweeps)
         ),
         width=bodies.width,
+        factors=tuple(map(value, of.formulas)),
     )
     kernel = _kernel(function, arguments, result, values)
     counts = _operations(result)
@@ -170,7 +171,7 @@ class _Bodies:
         kind = self._of.kinds[number]
         slots = [
             ("k", kind.constants), *((read.name, read.symbol) for read in self._of.reads),
-            ("t", self._of.t), ("r", self._of.row), ("e", received),
+            ("t", self._of.t), ("f", self._of.factors), ("r", self._of.row), ("e", received),
         ]  # fmt: skip
         kept, handed, results = list(visit.kept.items()), visit.handed, visit.results
         roots = [ca.SX(x) for x in (*(x for _, x in kept), *handed, *results.values())]
@@ -194,14 +195,14 @@ class _Bodies:
         )
 
     def _name(self, argument: str, i: int) -> str:
-        return f"{argument}{i}" if argument in ("k", "r", "e") else argument
+        return f"{argument}{i}" if argument in ("k", "f", "r", "e") else argument
 
 
 def _computed(of: Recursion) -> list[ca.SX]:
     """What stands in tables and is no number, each once."""
     tables = (x for kind in of.kinds for row in kind.table for x in row)
     starts = (x for sweep in of.sweeps for x in sweep.start)
-    symbolic = {str(x): x for x in (*tables, *starts) if isinstance(x, ca.SX)}
+    symbolic = {str(x): x for x in (*tables, *of.formulas, *starts) if isinstance(x, ca.SX)}
     return list(symbolic.values())
 
 

@@ -63,7 +63,8 @@ def _workspace(kernel: Kernel) -> int:
     if of is None:
         numbers = split(kernel).size
     else:
-        numbers = of.workspace + sum(len(t.rows) * t.width for t in of.tables if t.computed)
+        tables = sum(len(t.rows) * t.width for t in of.tables if t.computed)
+        numbers = of.workspace + tables + len(of.factors)
     return numbers + numbers % 2
 
 

@@ -75,6 +75,7 @@ class Text:
     angles: tuple[Block | None, ...]
     loops: tuple[Loop, ...]
     clears: bool  # the result begins as zeros
+    factors: tuple[str, ...]  # of parameters, the same at all links
     at: dict[str, str] = field(default_factory=dict[str, str])
 
     @property
@@ -130,7 +131,7 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
         """What a load reads."""
         if argument == "k":
             return entry("k", str(index)) if kind in computed else f"k[{index}]"
-        places = {"r": ("r", str(index)), "e": ("e", str(index))}
+        places = {name: (name, str(index)) for name in "fre"}
         places |= {read.name: (read.argument, at[read.index]) for read in of.reads}
         return entry(*places[argument])
 
@@ -170,6 +171,7 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
             for sweep in of.sweeps
         ),
         clears=_clears(kernel.size, of),
+        factors=tuple(text.expression(x, language) for x in of.factors),
         at=at,
     )
 
@@ -204,7 +206,7 @@ def python_text(
 ) -> Text:
     """In Python over leading axes: a row is a list of arrays."""
     own = f"_{kernel.name}_"
-    names = {"k": "k[{0}]", "r": "r[{0}]", "e": "e[{0}]"}
+    names = {name: name + "[{0}]" for name in "kfre"}
     names |= {x.name: f"{x.argument}[..., {own}{x.index}[i]]" for x in of.reads}
 
     def lines(visit: Visit) -> tuple[str, ...]:
@@ -248,4 +250,5 @@ def python_text(
             for sweep in of.sweeps
         ),
         clears=_clears(kernel.size, of),
+        factors=tuple(text.expression(x, language) for x in of.factors),
     )

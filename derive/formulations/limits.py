@@ -42,3 +42,8 @@ UNROLLED = 6_000  # operations of solving for them up to which they are written 
 
 MOST_KINDS = 12  # bodies of code in one loop over links; each is a branch and some kilobytes
 MOST_PARAMETRIC = 64  # rows of a table that are computed from parameters, written out each time
+# With more rows a column is numbers times at most so many formulas of parameters
+MOST_FACTORS = 4
+PLACES = 16  # values of the parameters at which that is looked at
+FACTORED = 1e-12  # relative to an entry: what may be left of it
+PIVOTAL = 0.1  # of the largest row that is left: the first such is taken

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Matrix, Scalar, Vector
+from derive.formulations.factors import factored
 from derive.formulations.limits import MOST_KINDS, MOST_PARAMETRIC
 from derive.joints.records import Rotation, Still, Turn
 from derive.joints.rotations import difference, is_zero, matrix, plus
@@ -77,7 +78,8 @@ def recursion(system: System, function: str = "dynamics", otherwise: str = "") -
         own = _Own(acting[j], rotors[j], system.q[coordinates[j]])
         rows.append(_row(links, i, frames, ground, own, place[i] == place[links[i].parent] + 1))
     at_link = _AtLink.with_inputs(max(len(row.inputs) for row in rows))
-    kinds, kinds_of, rows_of, joints = _kinds(system, rows, at_link)
+    factors = _Factors(system)
+    kinds, kinds_of, rows_of, joints = _kinds(system, rows, at_link, factors)
     gravity = ground.T @ np.array([_number(x, "gravity") for x in system.gravity])
     loops, row = way.sweeps(joints, [_exact(x) for x in gravity], at_link)
     places = _Places(
@@ -99,6 +101,8 @@ def recursion(system: System, function: str = "dynamics", otherwise: str = "") -
         t=system.t,
         row=row.symbols,
         p=system.p,
+        factors=_column(factors.symbols),
+        formulas=tuple(factors.formulas),
     )
 
 
@@ -444,7 +448,7 @@ def _pair(sine: float, cosine: float) -> tuple[float, float]:
 
 
 def _kinds(
-    system: System, rows: Sequence[_Row], at_link: _AtLink
+    system: System, rows: Sequence[_Row], at_link: _AtLink, factors: _Factors
 ) -> tuple[tuple[Kind, ...], tuple[int, ...], tuple[int, ...], list[Joint]]:
     """Kinds in the order of their first link, and for every link its kind and the row of it."""
     sorts = list(dict.fromkeys(row.sort for row in rows))
@@ -459,7 +463,7 @@ def _kinds(
         for n, values in own.items():
             rows_of[n] = distinct.setdefault(_key(values), (len(distinct), values))[0]
         table = [values for _, values in distinct.values()]
-        kind, joint = _kind(system, sort, table, at_link)
+        kind, joint = _kind(system, sort, table, at_link, factors)
         kinds.append(kind)
         joints.append(joint)
     of = {sort: k for k, sort in enumerate(sorts)}
@@ -476,27 +480,92 @@ def _key(values: Sequence[Scalar]) -> tuple[object, ...]:
 
 
 def _kind(
-    system: System, sort: _Sort, table: Sequence[tuple[Scalar, ...]], at_link: _AtLink
+    system: System,
+    sort: _Sort,
+    table: Sequence[tuple[Scalar, ...]],
+    at_link: _AtLink,
+    factors: _Factors,
 ) -> tuple[Kind, Joint]:
     """Columns that hold one number become that number."""
-    keys = [_key(values) for values in table]
-    varies = [
-        k
-        for k, x in enumerate(table[0])
-        if not isinstance(x, float) or any(key[k] != keys[0][k] for key in keys)
-    ]
-    if len(table) > MOST_PARAMETRIC and any(_is_parametric(values) for values in table):
-        raise AssumptionError(
-            f"parameters make {len(table)} links differ; `--constants` bakes them in"
-        )
-    symbols = ca.SX.sym("k", len(varies))
-    place = {k: n for n, k in enumerate(varies)}
-    values: list[Scalar] = [symbols[place[k]] if k in place else x for k, x in enumerate(table[0])]
+    parametric = any(_is_parametric(values) for values in table)
+    if len(table) > MOST_PARAMETRIC and parametric:
+        columns, values = factors.apart(table)
+    else:
+        columns, values = _together(table)
+    symbols = _column([symbol for symbol, _ in columns])
+    rows = tuple(zip(*(column for _, column in columns))) if columns else ((),) * len(table)
     inputs: Vector = [at_link.u[k] for k in range(sort.inputs)]
     tau = written(sort.force, at_link.q, at_link.v, system.t, values[len(_NAMES) :], inputs)
     about = ("sliding" if sort.slides else "turning") + (", further child" if sort.further else "")
-    kind = Kind(about, symbols, tuple(tuple(row[k] for k in varies) for row in table))
+    kind = Kind(about, symbols, rows)
     return kind, _joint(sort.slides, dict(zip(_NAMES, values)), at_link.q, at_link.v, tau)
+
+
+def _column(symbols: Sequence[ca.SX]) -> ca.SX:
+    return ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
+
+
+# symbols of columns that differ from link to link, with them; and what each value of a link is
+_Columns = tuple[list[tuple[ca.SX, tuple[Scalar, ...]]], list[Scalar]]
+
+
+def _together(table: Sequence[tuple[Scalar, ...]]) -> _Columns:
+    """Each value a column of its own."""
+    columns: list[tuple[ca.SX, tuple[Scalar, ...]]] = []
+    values: list[Scalar] = []
+    for column in zip(*table):
+        keys = {*_key(column)}
+        if isinstance(column[0], float) and len(keys) == 1:
+            values.append(column[0])
+        else:
+            symbol = ca.SX.sym(f"k{len(columns)}")
+            columns.append((symbol, column))
+            values.append(symbol)
+    return columns, values
+
+
+class _Factors:
+    """Formulas of parameters that links have in common."""
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self.symbols: list[ca.SX] = []
+        self.formulas: list[ca.SX] = []
+
+    def apart(self, table: Sequence[tuple[Scalar, ...]]) -> _Columns:
+        """Each value as numbers by link times formulas of parameters.
+
+        Raises AssumptionError where a value is no combination of few formulas.
+        """
+        columns: list[tuple[ca.SX, tuple[Scalar, ...]]] = []
+        values: list[Scalar] = []
+        for column in zip(*table):
+            made = factored(column, self._system.p, self._system.parameters)
+            if made is None:
+                raise AssumptionError(
+                    f"parameters make {len(table)} links differ; `--constants` bakes them in"
+                )
+            total: Scalar = 0.0
+            for formula, numbers in zip(made.formulas, zip(*made.numbers)):
+                number: Scalar = numbers[0]
+                if len(set(numbers)) > 1:
+                    number = ca.SX.sym(f"k{len(columns)}")
+                    columns.append((number, numbers))
+                total = _plain(total + number * self._symbol(formula))
+            values.append(total)
+        return columns, values
+
+    def _symbol(self, formula: Scalar) -> Scalar:
+        """What stands for the formula: a symbol, or a number times one that is there."""
+        if not isinstance(formula, ca.SX):
+            return formula
+        for known, symbol in zip(self.formulas, self.symbols):
+            both = factored((known, formula), self._system.p, self._system.parameters)
+            if both is not None and len(both.formulas) == 1:
+                return both.numbers[1][0] * symbol
+        self.formulas.append(formula)
+        self.symbols.append(ca.SX.sym(f"f{len(self.symbols)}"))
+        return self.symbols[-1]
 
 
 def _is_parametric(values: Sequence[Scalar]) -> bool:

@@ -192,6 +192,7 @@ def _record(
         quasi_velocities=program.quasi_velocities,
         left_out=program.left_out,
         ledger=tuple(asdict(entry) for entry in program.ledger),
+        rolling=dict(program.rolling),
         compiled=compiled.compiled,
         size=len(files.get(shared_library(program.name), b"")),
         tuned=dict(program.timings),

@@ -38,4 +38,4 @@ def show(record: Built, console: Console) -> None:
 
 def explain(record: Built, console: Console) -> None:
     """What `build --explain` adds: the ledger of the passes and what was left out."""
-    ledger(record.ledger, record.left_out, console)
+    ledger(record, console)

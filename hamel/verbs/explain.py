@@ -31,6 +31,7 @@ def run(path: str | PathLike[str], choice: str | None, constants: Constants) -> 
         ledger=tuple(asdict(entry) for entry in program.ledger),
         left_out=program.left_out,
         assumptions=program.assumptions,
+        rolling=dict(program.rolling),
     )
 
 
@@ -60,4 +61,4 @@ def show(record: Explained, console: Console) -> None:
     for assumption in record.assumptions:
         console.print(f"assumed: {assumption}")
     console.print(f"operations: {operations(record.operations)}")
-    ledger(record.ledger, record.left_out, console)
+    ledger(record, console)

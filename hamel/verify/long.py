@@ -151,7 +151,7 @@ def _results(
     for name, about, backend in BACKENDS:
         call = backend(module)
         if call is not None:
-            errors = [_difference(module, call, place) for place in places]
+            errors = [_difference(module, call, place, loose) for place in places]
             yield _result(name, errors, SAME * loose, about)
 
 
@@ -184,8 +184,16 @@ def _batch(module: ModuleType) -> Any:
     return last
 
 
-def _difference(module: ModuleType, call: Any, place: Place) -> float:
-    return relative(called(call, *place.row), called(module.dynamics, *place.row))
+def _difference(module: ModuleType, call: Any, place: Place, loose: float) -> float:
+    """Of what sines of another library, or another order of operations, may change as well no
+    more than SAME counts: hundreds of links one behind the other enlarge a rounding."""
+    found, wanted = called(call, *place.row), called(module.dynamics, *place.row)
+    error = relative(found, wanted)
+    if error <= SAME * loose or not math.isfinite(error):
+        return error
+    size = max(1.0, float(np.max(np.abs(wanted), initial=0.0)))
+    unavoidable = rounding(module.dynamics, place.row, math.ulp(1.0) * loose) / size
+    return error / max(1.0, unavoidable / (SAME * loose))
 
 
 BACKENDS: tuple[tuple[str, str, Callable[[ModuleType], Any]], ...] = (

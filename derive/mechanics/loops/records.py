@@ -95,3 +95,5 @@ class Recursion:
     t: ca.SX
     row: ca.SX
     p: ca.SX
+    factors: ca.SX  # what is the same at all links, of parameters: symbols …
+    formulas: tuple[ca.SX, ...]  # … and what they stand for

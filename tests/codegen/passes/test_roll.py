@@ -3,7 +3,7 @@ grow, and what does not fit says so.
 
 Of codegen.passes: roll.
 Of codegen.targets: rolled.
-Of derive.formulations: rolled.
+Of derive.formulations: factors, rolled.
 Of derive.mechanics: templates.
 Of derive.mechanics.loops: forward_dynamics, frames, inverse_dynamics, products, records, sweeps.
 """
@@ -21,6 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -32,6 +33,8 @@ from codegen.passes.lanes import is_batched, most_lanes
 from codegen.passes.roll import FROM
 from codegen.program import Program, Rolled
 from derive.diagnostics import AssumptionError, VerificationError
+from derive.formulations.factors import factored
+from derive.formulations.limits import MOST_PARAMETRIC
 from derive.formulations.records import Equations
 from hamel.build import pipeline, reuse
 from hamel.build.module import published
@@ -214,6 +217,86 @@ def test_parameters_may_be_called_like_what_loops_call_their_own(tmp_path: Path)
     rows = np.tile(x, (9, 1)), np.ones((9, 1)), np.tile(p, (9, 1))
     np.testing.assert_allclose(numpy.dynamics(0.0, x, u, p), once, rtol=CLOSE)
     np.testing.assert_allclose(module.dynamics(np.zeros(9), *rows)[4], once, rtol=CLOSE)
+
+
+def graded(n: int) -> str:
+    """An oblique chain whose masses, lengths and springs fall from link to link; all are formulas
+    of parameters, inertias of two at once."""
+    return f"""
+model: graded
+repeat: {{i: 1..{n - 1}}}
+parameters: {{mm: 1 kg, l: 0.5 m, kk: 3 N*m/rad, J: 0.01 kg*m^2}}
+bodies:
+  b0: {{mass: mm, com: [l/2, 0, 0], inertia: [J, mm*l^2/12 + J, mm*l^2/12 + J]}}
+  b{{i}}:
+    mass: mm/(i + 1)
+    com: [l/2/(i + 1), 0, 0]
+    inertia: [J/(i + 1), mm*l^2/12/(i + 1)^3 + J/(i + 1), mm*l^2/12/(i + 1)^3 + J/(i + 1)]
+joints:
+  j0: {{type: revolute, axis: y, parent: ground, child: b0, coordinate: q0}}
+  j{{i}}:
+    {{type: revolute, axis: [0.6, 0.8, 0], parent: "b{{i-1}}", child: "b{{i}}", at: [l/i, 0, 0],
+     coordinate: "q{{i}}"}}
+loads: {{"s{{i}}": {{type: spring, joint: "j{{i}}", stiffness: kk/i}}}}
+inputs: {{tau: {{joint: j0}}}}
+"""
+
+
+def test_links_that_parameters_make_differ_are_loops_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each number of a link is one by link times formulas of parameters, computed once a call."""
+    n = MOST_PARAMETRIC + 6
+    equations = derived(tmp_path, graded(n))
+    ways = {roll: program(equations, DYNAMICS, roll=roll) for roll in ("auto", "never")}
+    of = loops(ways["auto"])
+    assert 4 <= len(of.factors) <= 12
+    (long,) = (table.rows for table in of.tables if len(table.rows) > MOST_PARAMETRIC)
+    assert all(isinstance(x, float) for row in long for x in row)
+    modules = [numpy_module(tmp_path, made, monkeypatch) for made in ways.values()]
+    x, u, p = states(ways["auto"], 5)
+    found, expected = (module.dynamics(0.3, 0.3 * x, u, p) for module in modules)
+    assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.slow
+def test_such_loops_in_c_and_in_lanes_are_what_the_reference_balances(tmp_path: Path) -> None:
+    path = tmp_path / "graded.yaml"
+    path.write_text(graded(MOST_PARAMETRIC + 6))
+    functions = (*FUNCTIONS, "power")
+    made = hamel.build(path, out=tmp_path / "made", functions=functions, roll="always")
+    assert {name: how.split(":")[0] for name, how in made.rolling.items()} == dict.fromkeys(
+        FUNCTIONS, "rolled"
+    )
+    module = loader.load(made.folder)
+    x, u, p = states(program(equations_of(path), DYNAMICS), 19)
+    many = module.dynamics(0.3, x, u, p)
+    alone = np.array([module.dynamics(0.3, *row) for row in zip(x, u, p)])
+    assert np.abs(many - alone).max() <= 1e-9 * np.abs(alone).max()
+
+
+def test_a_parameter_for_each_link_is_in_no_table(tmp_path: Path) -> None:
+    text = graded(MOST_PARAMETRIC + 6).replace("mass: mm/(i + 1)", 'mass: "m{i}"')
+    text = text.replace("parameters: {", 'parameters: {"m{i}": 1 kg, ')
+    with pytest.raises(AssumptionError, match=r"parameters make .* links differ; `--constants`"):
+        program(derived(tmp_path, text), ("bias",), roll="always")
+
+
+def test_columns_are_split_into_numbers_and_formulas() -> None:
+    """Products, sums of two formulas, numbers among them; and what is no combination of few."""
+    p = ca.SX.sym("p", 3)
+    m, l, J = ca.vertsplit(p)
+    column = [m * l**2 / (i + 1) + J * i + 0.5 * (i % 3) for i in range(80)]
+    made = factored([*column, 0.0, 7.0], p, (2.0, 0.3, 0.0))
+    assert made is not None and len(made.formulas) == 3
+    at = np.array([1.7, 0.9, 0.4])
+    values = [float(ca.Function("f", [p], [ca.SX(x)])(at)) for x in made.formulas]
+    for i, row in enumerate(made.numbers[:80]):
+        wanted = at[0] * at[1] ** 2 / (i + 1) + at[2] * i + 0.5 * (i % 3)
+        assert float(np.dot(row, values)) == pytest.approx(wanted, rel=1e-13)
+    assert float(np.dot(made.numbers[81], values)) == pytest.approx(7.0, rel=1e-13)
+    assert factored([m**i for i in range(80)], p, (2.0, 0.3, 0.1)) is None
+    assert factored([ca.sqrt(l - i) for i in range(80)], p, (2.0, 0.3, 0.1)) is None
 
 
 @pytest.mark.slow

@@ -23,8 +23,8 @@ from derive.expressions.deferred import Deferred, Term, changed, is_deferred, pa
 from derive.formulations.records import Equations
 from derive.textbook import html
 from hamel.build.stages import equations_of, model_of
-from hamel.verify.long import FEWEST, drawn, is_long, long_verification
-from hamel.verify.long_trees import BALANCED
+from hamel.verify.long import FEWEST, _difference, drawn, is_long, long_verification
+from hamel.verify.long_trees import BALANCED, SAME, called, relative
 from hamel.verify.reference.balance import balance
 from hamel.verify.reference.outcome import evaluate, reference
 from tests.trees import chain, equal_links, tree
@@ -164,3 +164,20 @@ def test_a_term_is_formed_once_and_when_it_is_read() -> None:
     assert passed_on(late, "value") == 2.0 and replace(late, name="c").value == 2.0
     with pytest.raises(TypeError):
         Holder("without")  # type: ignore[call-arg]
+
+
+def test_roundings_that_hundreds_of_links_enlarge_are_no_difference(tmp_path: Path) -> None:
+    """Another library's sines change v̇ of a long chain by more than SAME; what stands for it here
+    gets the same state off by a rounding. A wrong digit above that is seen."""
+    path = written(tmp_path, chain(40))
+    equations = equations_of(path)
+    ref, made = reference(model_of(path)[0]), module(equations)
+    place = drawn(ref, equations, 1, seed=0)[0]
+    rounded = np.random.default_rng(0).uniform(-1.0, 1.0, len(place.x)) * 2.0**-52
+
+    def other(wrong: float) -> Any:
+        return lambda t, x, u, p: made.dynamics(t, x * (1.0 + rounded), u, p) * (1.0 + wrong)
+
+    assert relative(called(other(0.0), *place.row), called(made.dynamics, *place.row)) > 0.0
+    assert _difference(made, other(0.0), place, 1.0) <= SAME
+    assert _difference(made, other(1e-9), place, 1.0) > SAME

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from derive.choices.explicit import Explicit
+from derive.choices.locks import locks, locks_of
 from derive.choices.pivots import quadratic_guards, solved
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
@@ -51,6 +52,7 @@ def reduced(
     late = survey.without_zeros is not None
     size = survey.system.v.numel() * survey.rank
     R = Deferred(functools.cache(per_c), size) if late else per_c()
+    own = locks_of(survey.system, reduction.B)
     motion = Motion(
         w=reduction.w,
         names=reduction.names,
@@ -61,8 +63,8 @@ def reduced(
         wdot=passed_on(found, "wdot"),
         vdot=passed_on(found, "vdot"),
         lam=lam,
-        guards=(*_combining(survey), *reduction.guards),
-        solving=(),
+        guards=(*_combining(survey), *reduction.guards, *own),
+        solving=tuple(x for x in locks(survey.system) if x.name not in {y.name for y in own}),
         named=found.named(reduction),
         kept=reduction.kept,
         closing=survey.closing,
@@ -121,7 +123,7 @@ def in_generalized_velocities(
         vdot=column(vdot),
         lam=survey.independent_rows.spread(lam),
         guards=(),
-        solving=(*_combining(survey), *solving),
+        solving=(*_combining(survey), *solving, *locks(system)),
         named=(
             Named("M", "mass matrix", system.M),
             Named("h", "bias", system.h),

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
-from derive.joints.euler import ANGLES, angle_rates
+from derive.joints.euler import ANGLES, angle_rates, distance_from_lock
 from derive.joints.records import JointType, Rotation, Slot, Still, meeting
 from derive.joints.rotations import dot
 from derive.joints.turns import euler_rotation
@@ -100,4 +100,5 @@ def ball_joint(sequence: str) -> JointType:
         rotation=rotation,
         rates=rates,
         unit_from=-1,
+        lock=lambda q: distance_from_lock(sequence, q),
     )

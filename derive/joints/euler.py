@@ -19,10 +19,20 @@ def angle_rates(sequence: str, angles: Sequence[Scalar], omega: Sequence[Scalar]
     they are single components."""
     # components of ω in the frame before the last turn
     before = rotated(principal_rotation(sequence[2], angles[2]), omega)
-    first = rotated(transpose(principal_rotation(sequence[1], angles[1])), UNIT[sequence[0]])
-    second, third = UNIT[sequence[1]], UNIT[sequence[2]]
-    across = cross(
-        second, third
-    )  # first = a across + b third, and a vanishes at the singular attitude
+    first, second, third, across = _axes(sequence, angles)
     theta1 = dot(across, before) / dot(across, first)
     return [theta1, dot(second, before), dot(third, before) - dot(third, first) * theta1]
+
+
+def distance_from_lock(sequence: str, angles: Sequence[Scalar]) -> Scalar:
+    """What the rates are divided by: ± cos θ₂ of three different axes, ± sin θ₂ of i, j, i."""
+    first, _, _, across = _axes(sequence, angles)
+    return dot(across, first)
+
+
+def _axes(sequence: str, angles: Sequence[Scalar]) -> tuple[Vector, Vector, Vector, Vector]:
+    """The three axes in the frame before the last turn, and the one across the last two: first =
+    a across + b third, and a vanishes in gimbal lock."""
+    first = rotated(transpose(principal_rotation(sequence[1], angles[1])), UNIT[sequence[0]])
+    second, third = UNIT[sequence[1]], UNIT[sequence[2]]
+    return first, second, third, cross(second, third)

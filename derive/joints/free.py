@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints.ball import QUATERNION, quaternion_matrix, quaternion_rates, quaternion_rotation
-from derive.joints.euler import ANGLES, angle_rates
+from derive.joints.euler import ANGLES, angle_rates, distance_from_lock
 from derive.joints.records import JointType, Rotation, Slot
 from derive.joints.rotations import matrix, rotated
 from derive.joints.turns import UNIT, euler_rotation
@@ -54,6 +54,7 @@ def free_joint(sequence: str) -> JointType:
         translation=lambda q, axis: list(q[:3]),
         motion=_motion,
         rates=rates,
+        lock=lambda q: distance_from_lock(sequence, q[3:]),
     )
 
 
@@ -75,4 +76,5 @@ FLOATING = replace(
     rotation=_floating_rotation,
     rates=_floating_rates,
     unit_from=3,
+    lock=None,
 )

@@ -60,7 +60,8 @@ class JointType:
     `unit_from`: index of the first of four coordinates that are a unit quaternion (w, x, y, z), −1
     where there is none. `planar`: it may stand in a planar model. `closing(plane)` names the rows
     by which a joint of this type closes a loop, in the order of derive.mechanics.closures, in a
-    plane ("xy", "xz", "yz") or in space (""); None where it closes none.
+    plane ("xy", "xz", "yz") or in space (""); None where it closes none. `lock`(q) is what `rates`
+    divides by; None where it divides by nothing that can vanish.
     """
 
     name: str
@@ -80,3 +81,4 @@ class JointType:
     unit_from: int = -1
     planar: bool = False
     closing: Callable[[str], tuple[str, ...]] | None = None
+    lock: Callable[[Sequence[Scalar]], Scalar] | None = None

@@ -13,6 +13,7 @@ from itertools import islice
 import casadi as ca
 import numpy as np
 
+from derive.choices.locks import LOCK
 from derive.choices.orthonormal import LENGTH
 from derive.formulations.evaluate import slots_of
 from derive.mechanics.limits import COFACTORS
@@ -250,7 +251,7 @@ def _margins(e: Evidence) -> list[Array]:
 
 
 def pivots(e: Evidence) -> float | None:
-    """The product of all that the motion divides by, at states of one and the same mechanism, is
+    """The product of all that the motion divides by, but for the coordinates alone, at states of one and the same mechanism, is
     det [A; B] or det(A M⁻¹ Aᵀ) of the reference but for a factor. Of larger blocks, that are solved
     by reflections, it is the sign alone.
 
@@ -258,22 +259,23 @@ def pivots(e: Evidence) -> float | None:
     directions of its own, of which mechanics says nothing.
     """
     guards = e.graph.equations.function("dynamics").guards
+    watched = [i for i, guard in enumerate(guards) if not guard.name.startswith(LOCK)]
     own = any(guard.name.startswith(LENGTH) for guard in guards)
     repeated = len(_kept(e)) < len(e.system.rows)
-    if not e.graph.has("guards") or not guards or own or repeated:
+    if not e.graph.has("guards") or not watched or own or repeated:
         return None
-    signs, sizes, growth = np.array([_ratio(e, s, len(guards)) for s in e.unvaried]).T
+    signs, sizes, growth = np.array([_ratio(e, s, watched) for s in e.unvaried]).T
     if any(guard.name.count(", ") >= COFACTORS for guard in guards):
         sizes = np.zeros_like(sizes)
     ratios = signs * np.exp(sizes - np.median(sizes))
     return worst((ratios * np.sign(np.median(signs)) - 1) / growth)
 
 
-def _ratio(e: Evidence, s: Sample, count: int) -> tuple[float, float, float]:
+def _ratio(e: Evidence, s: Sample, watched: list[int]) -> tuple[float, float, float]:
     """The product over the determinant, by its sign and the logarithm of its size, for of many
     loops either is too large or too small for a number; and how much roundoff may grow in them."""
     x = e.graph("state", s.t, s.whole, s.u, s.p)
-    values = np.ravel(e.graph("guards", s.t, x, s.u, s.p))[:count]
+    values = np.ravel(e.graph("guards", s.t, x, s.u, s.p))[watched]
     matrix = _divided_by(e, s, x)
     sign, size = np.linalg.slogdet(matrix)
     with np.errstate(divide="ignore"):  # a pivot that is zero shows in the size

@@ -19,5 +19,7 @@ CANCELLING = 1e-9  # h, Q, β, power: sums of many terms that cancel to a part o
 ENERGIES = 1e-10  # T and V of the system
 OWN_ENERGIES = 1e-12  # the function `energy`, at the very velocities that it is given
 SOLVED = 1e-10  # v̇ and λ, per condition number
+PER_CONDITION = 1e-3  # of v̇: so many times SOLVED are excused by a condition number …
+MOST_EXCUSED = 1e7  # … up to so many: an error of 1e-3 is one whatever the condition
 ROUNDED = 4.0  # times the likely roundoff of a matrix is what a product with it may be off by
 UNDONE = 1e-12  # products with an inverse, and state ↔ velocity, per condition number

@@ -16,7 +16,9 @@ from hamel.verify.limits import (
     CANCELLING,
     ENERGIES,
     FLOOR,
+    MOST_EXCUSED,
     OWN_ENERGIES,
+    PER_CONDITION,
     ROUNDING,
     SMALL,
     SOLVED,
@@ -242,9 +244,12 @@ def motion(e: Evidence) -> float:
 def acceleration_error(
     e: Evidence, wanted: Sequence[Array], relax: Sequence[float] | Array
 ) -> float:
-    """The choice's v̇ against another one, per condition number."""
+    """The choice's v̇ against another one. A condition number of a thousand excuses nothing: what it
+    makes of a rounding is far below the tolerance. Beyond that as many times the tolerance are, up
+    to MOST_EXCUSED."""
     sums = e.of_accelerations(SOLVED)
-    return deviation(e.vdot, wanted, relax, e.small, e.units.vdot, sums)
+    excused = np.clip(PER_CONDITION * np.asarray(relax), 1.0, MOST_EXCUSED)
+    return deviation(e.vdot, wanted, excused, e.small, e.units.vdot, sums)
 
 
 def multipliers(e: Evidence) -> float | None:
@@ -341,7 +346,7 @@ def choices(e: Evidence) -> float | None:
 
 
 def _between(e: Evidence, other: Evaluator) -> float:
-    relax = [a * b for a, b in zip(e.conditions, e.conditions_of(other))]
+    relax = [a + b for a, b in zip(e.conditions, e.conditions_of(other))]
     return acceleration_error(e, e.accelerations_of(other), relax)
 
 
@@ -421,7 +426,10 @@ CHECKS = (
     Check("energy", OWN_ENERGIES, "reference: energies at the choice's own velocities", energy),
     Check("power", CANCELLING, "reference: force times velocity; sums that may cancel", power),
     Check(
-        "v̇", SOLVED, "reference: Newton–Euler in maximal coordinates, per condition number", motion
+        "v̇",
+        SOLVED,
+        "reference: Newton–Euler in maximal coordinates, beyond what its condition number excuses",
+        motion,
     ),
     Check(
         "λ",
@@ -438,13 +446,13 @@ CHECKS = (
     Check(
         "v̇ augmented",
         SOLVED,
-        "the system's own terms solved with multipliers, per condition number",
+        "the system's own terms solved with multipliers, beyond what a condition number excuses",
         augmented,
     ),
     Check(
         "v̇ of other choices",
         SOLVED,
-        "the other quasi-velocities of the model, per condition number",
+        "the other quasi-velocities of the model, beyond what the condition numbers excuse",
         choices,
     ),
     Check("outputs", SOLVED, "reference: positions, velocities, angles and formulas", results),

@@ -251,9 +251,10 @@ def _margins(e: Evidence) -> list[Array]:
 
 
 def pivots(e: Evidence) -> float | None:
-    """The product of all that the motion divides by, but for the coordinates alone, at states of one and the same mechanism, is
+    """The product of all that the motion divides by, at states of one and the same mechanism, is
     det [A; B] or det(A M⁻¹ Aᵀ) of the reference but for a factor. Of larger blocks, that are solved
-    by reflections, it is the sign alone.
+    by reflections, it is the sign alone. What rates of coordinates alone are divided by is no part
+    of it.
 
     Not where rows repeat others, and not of an orthonormal choice: it divides by lengths of
     directions of its own, of which mechanics says nothing.

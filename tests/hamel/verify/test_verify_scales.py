@@ -16,8 +16,11 @@ from derive.states import system
 from derive.states.sampling import states
 from derive.states.scales import Scales, scales
 from hamel.verify import verification
+from hamel.verify.checks.agreement import acceleration_error
+from hamel.verify.limits import SOLVED
 from hamel.verify.mutation.mutations import mutations
 from hamel.verify.reference.outcome import evaluate, reference, state_of
+from hamel.verify.suite import evidence
 from tests.scenes import MODELS
 
 NUMBER_WITH_UNIT = re.compile(r"(?<![\w.])(\d+\.?\d*(?:[eE][-+]?\d+)?) +([A-Za-z][\w*/^]*)")
@@ -134,3 +137,15 @@ def test_a_choice_beyond_floating_point_is_refused_by_verification(tmp_path):
     (tmp_path / "pendulum.yaml").write_text(text.replace("/l**2}", "/l**1e9}"))
     with pytest.raises(VerificationError, match="cond \\[A; B\\] is largest, inf"):
         hamel.build(tmp_path / "pendulum.yaml", out=tmp_path / "out", numpy=True)
+
+
+def test_a_condition_number_excuses_roundings_and_no_digits():
+    """Of Andrews' mechanism it is above a million; v̇ off by two thousandths passed."""
+    model = load(MODELS / "andrews.yaml")
+    e = evidence(reference(model), equations(system(model)), None, 4)
+    right = [sample.outcome.vdot for sample in e.samples]
+    assert max(e.conditions) > 1e6
+    assert acceleration_error(e, right, e.conditions) < 1e-3 * SOLVED
+    off = [vdot * 1.002 for vdot in right]
+    assert acceleration_error(e, off, e.conditions) > SOLVED
+    assert acceleration_error(e, off, np.full(len(right), 1e30)) > SOLVED

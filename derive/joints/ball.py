@@ -93,6 +93,9 @@ def ball_joint(sequence: str) -> JointType:
         """θ̇ from ω; singular where the middle angle makes the other two axes parallel."""
         return angle_rates(sequence, q, v)
 
+    def lock(q: Sequence[Scalar]) -> Scalar:
+        return distance_from_lock(sequence, q)
+
     return replace(
         BALL,
         about="any rotation about a point, by Euler angles",
@@ -100,5 +103,5 @@ def ball_joint(sequence: str) -> JointType:
         rotation=rotation,
         rates=rates,
         unit_from=-1,
-        lock=lambda q: distance_from_lock(sequence, q),
+        lock=lock,
     )

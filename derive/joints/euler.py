@@ -34,5 +34,6 @@ def _axes(sequence: str, angles: Sequence[Scalar]) -> tuple[Vector, Vector, Vect
     """The three axes in the frame before the last turn, and the one across the last two: first =
     a across + b third, and a vanishes in gimbal lock."""
     first = rotated(transpose(principal_rotation(sequence[1], angles[1])), UNIT[sequence[0]])
-    second, third = UNIT[sequence[1]], UNIT[sequence[2]]
+    second: Vector = [*UNIT[sequence[1]]]
+    third: Vector = [*UNIT[sequence[2]]]
     return first, second, third, cross(second, third)

@@ -3,7 +3,8 @@ one level per body.
 
 In MJCF a joint is placed in the child's frame and moves it from the pose given for the body;
 several joints on one body act one after the other, so that a chain of bodies without mass carries
-them. A coordinate is zero in MuJoCo's `qpos` = 0, which is `ref` before the pose of the file.
+them. A coordinate is zero in MuJoCo's `qpos` = 0, which is `ref` before the pose of the file, and
+starts at `ref`, as in MuJoCo's `qpos0`.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from derive.robots.rotations import (
     times,
     to_quaternion,
     unit,
+    whole_degrees,
 )
 
 TYPES = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "free"}
@@ -345,6 +347,8 @@ def _place(
         elif reference:
             start = pose.then(minus(own.at, times(reference, joint.axis)), IDENTITY).at
         scene.references[joint.name] = reference
+        if reference:
+            scene.robot.initial.append(Entry(joint.name, _said(reference, joint), element))
     joint.at, joint.at_child, joint.rotation = start, own.at, turn
     if (limits := listing(reading, element, "range", 2)) and joint.type != "ball":
         turned = joint.type == "revolute"
@@ -352,6 +356,12 @@ def _place(
         joint.limits = (low, high) if low < high and element.get("limited") != "false" else None
     if "actuatorfrcrange" in element.attributes and element.get("actuatorfrclimited") != "false":
         scene.clamped.append(joint.name)
+
+
+def _said(start: float, joint: Joint) -> str:
+    """Where a hinge or slide starts, in whole degrees where it is that."""
+    degrees = whole_degrees(start) if joint.type == "revolute" else None
+    return written(start) if degrees is None else f"{degrees} deg"
 
 
 def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> None:

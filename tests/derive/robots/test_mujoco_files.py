@@ -17,6 +17,7 @@ from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.robots.reading import Imported, imported
 from derive.states import system
+from derive.states.initial import initial_state
 
 ARM = """<mujoco>
   <compiler angle="radian"/>
@@ -404,3 +405,60 @@ def test_ties_of_bodies_that_are_one_do_nothing(tmp_path):
     found = read(tmp_path, text.format(ties))
     assert not found.model.closures
     assert sum("of bodies that are one" in note for note in found.changed) == 3
+
+
+DRAWN = """<mujoco>
+  <default><joint axis="0 1 0"/><default class="bent"><joint ref="-390"/></default></default>
+  <worldbody>
+    <body name="upper" pos="0 0 1">
+      <joint name="a" ref="20"/>
+      <joint name="s" type="slide" axis="1 0 0" ref="0.3"/>
+      <geom type="capsule" size="0.03" fromto="0 0 0 0.4 0 0"/>
+      <body name="lower" pos="0.4 0 0">
+        <joint name="b" class="bent"/>
+        <geom type="box" size="0.02 0.05 0.2" pos="0 0.1 0.2"/>
+        <body name="hand" pos="0 0 0.4">
+          <joint name="c" ref="33.5"/>
+          <joint name="d" type="ball" ref="7"/>
+          <joint name="e" type="slide"/>
+          <geom size="0.1" pos="0 0.1 0.2"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <equality>{}</equality>
+  <keyframe><key qpos="1 1 1 1 1 0 0 0 1"/></keyframe>
+</mujoco>"""
+
+
+def starts_of(found: Imported) -> dict[str, float]:
+    names = [x.name for x in found.model.coordinates]
+    return dict(zip(names, initial_state(system(found.model)).q))
+
+
+@pytest.mark.parametrize(
+    "equality",
+    [
+        "",
+        '<joint joint1="c" joint2="a"/>',
+        '<joint joint1="c" joint2="a" polycoef="0 2 0.3"/>',
+        '<connect body1="lower" body2="world" anchor="0.2 0 0"/>',
+    ],
+)
+def test_hinges_and_slides_start_at_ref_where_the_file_draws_them(equality, tmp_path):
+    """That is MuJoCo's qpos0; ball joints have no ref."""
+    found = read(tmp_path, DRAWN.format(equality))
+    wanted = {
+        "a": math.radians(20), "s": 0.3, "b": math.radians(-390), "c": math.radians(33.5),
+        "d_qw": 1.0, "d_qx": 0.0, "d_qy": 0.0, "d_qz": 0.0, "e": 0.0,
+    }  # fmt: skip
+    assert starts_of(found) == pytest.approx(wanted, abs=1e-9)
+    for line in ("  a: 20 deg", "  s: 0.3", "  b: -390 deg"):
+        assert line in found.text.splitlines()
+
+
+def test_a_start_at_ref_that_an_equality_moves_is_assembled_near_it(tmp_path):
+    found = read(tmp_path, DRAWN.format('<joint joint1="c" joint2="a" polycoef="0.01"/>'))
+    start = starts_of(found)
+    a, c = start["a"] - math.radians(20), start["c"] - math.radians(33.5)
+    assert c - a == pytest.approx(0.01) and max(abs(a), abs(c)) < 0.01

@@ -21,5 +21,9 @@ ROUNDING = 1e-15  # of the largest entry of a tensor: less is what rounding leav
 MOST_STEPS = 1e6  # degrees: an angle beyond is none that somebody meant
 SAME_ANGLE = 1e-12  # relative: a printed angle is a rounding of the one that was meant
 
+# words
+SLIP = 0.7  # of the letters of two words the same (difflib's ratio): one is a slip of the other
+MOST_UNKNOWN = 1000  # unknown words of a file are compared with known ones, which takes time
+
 # size
 MOST_BODIES = 20_000  # as of a model; building so many takes minutes

@@ -128,14 +128,26 @@ class Element:
         """Raises ModelError at the element, or at one of its attributes."""
         raise ModelError(self.diagnostic(message, expected, hint, attribute))
 
+    def slip(self, attribute: str, message: str, expected: str, hint: str) -> Diagnostic:
+        """A message about the name of an attribute, not its value."""
+        match = self._match(attribute)
+        at, length = (match.start(1), len(attribute)) if match else self._place("")
+        return self.file.diagnostic(at, length, message, expected, hint)
+
     def _place(self, attribute: str) -> tuple[int, int]:
         """Offset and length of the attribute's value; of the tag where there is none."""
+        if match := self._match(attribute):
+            return match.start(2) + 1, max(1, len(match[2].decode("utf-8", "replace")) - 2)
+        return self.at, len(self.tag) + 1
+
+    def _match(self, attribute: str) -> re.Match[bytes] | None:
+        """An attribute where it stands in the file: its name and, in quotes, its value."""
         position = self.at + 1 + len(self.tag.encode())
         while attribute and (match := _ATTRIBUTE.match(self.file.content, position)):
             if match[1].decode("utf-8", "replace") == attribute:
-                return match.start(2) + 1, max(1, len(match[2].decode("utf-8", "replace")) - 2)
+                return match
             position = match.end()
-        return self.at, len(self.tag) + 1
+        return None
 
 
 def read(path: str | PathLike[str]) -> File:

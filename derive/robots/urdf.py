@@ -39,6 +39,8 @@ from derive.robots.rotations import (
 )
 from derive.robots.transmissions import read_transmissions
 from derive.robots.tree import Tree, collect, root_of
+from derive.robots.urdf_words import ROBOT
+from derive.robots.words import unread_words
 from derive.robots.writing import frame_text
 
 TYPES = {
@@ -54,7 +56,6 @@ PLANES = (
     (0.0, -1.0, 0.0),
     (0.0, 0.0, 1.0),
 )  # normals that a planar joint can have as they are
-READ = {"link", "joint", "material", "transmission"}
 SWAPPED = "lower and upper are the other way round in the file"
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
@@ -66,6 +67,8 @@ def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robo
     reading, tree = Reading(), Tree()
     result = Robot(root.get("name") or name, "URDF", root)
     result.names, result.body_names = reading.symbols, reading.bodies
+    unread = unread_words(reading, root, ROBOT)
+    reading.finish()
     _old_quaternions(root, result)
     if not exact:
         _unrounded(root, result)
@@ -90,7 +93,7 @@ def robot(root: Element, name: str, floating: bool, exact: bool = False) -> Robo
     _inputs(reading, tree, result)
     read_transmissions(reading, root, tree.made, result)
     reading.finish()
-    _notes(reading, root, result)
+    _notes(reading, root, unread, result)
     return result
 
 
@@ -382,7 +385,7 @@ def _inputs(reading: Reading, tree: Tree, result: Robot) -> None:
             result.inputs.append(Entry(name, f"{{joint: {joint.name}}}", joint.place))
 
 
-def _notes(reading: Reading, root: Element, result: Robot) -> None:
+def _notes(reading: Reading, root: Element, unread: list[str], result: Robot) -> None:
     """What a reader of the model should know about how it was made."""
     massless = sum(1 for body in result.bodies if not body.mass)
     if massless:
@@ -400,10 +403,8 @@ def _notes(reading: Reading, root: Element, result: Robot) -> None:
         result.changed.append(
             f"geometry is not read ({files}, there or not): the equations do not need it"
         )
-    ignored = sorted({child.tag for child in root.children} - READ)
-    if ignored:
-        tags = ", ".join(f"<{tag}>" for tag in ignored)
-        result.assumed.append(f"not read: {tags}")
+    if unread:
+        result.assumed.append(f"not read: {listed(sorted(unread))}")
     swapped = [joint.name for joint in result.joints if SWAPPED in joint.notes]
     if swapped:
         result.assumed.append(f"lower and upper limits are the other way round: {listed(swapped)}")

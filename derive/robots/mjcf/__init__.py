@@ -15,6 +15,7 @@ from derive.robots.mjcf.settings import included, settings
 from derive.robots.mjcf.sites import sites
 from derive.robots.mjcf.tendons import tendons
 from derive.robots.mjcf.ties import equalities
+from derive.robots.mjcf.words import unread_in
 from derive.robots.robot import Reading, Robot
 
 READ = ("compiler", "option", "default", "worldbody", "equality", "tendon", "actuator")
@@ -30,6 +31,7 @@ def robot(
     included(root, budget, folders)
     reading = Reading()
     _check_sections(reading, root)
+    unread = unread_in(reading, root)
     outcome = settings(reading, root, folders)
     replicate(reading, root, outcome, budget)
     reading.finish()
@@ -50,6 +52,8 @@ def robot(
         actuators(reading, root, known, scene)
     reading.finish()
     sites(reading, scene)
+    if unread:
+        result.assumed.append(f"not read: {listed(unread)}")
     _notes(reading, root, scene)
     return result
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
+from xml.parsers.expat import errors as codes
 
 from derive.diagnostics import Diagnostic, ModelError
 from derive.model.document import content
@@ -24,6 +25,7 @@ from derive.robots.limits import MOST_BODIES
 LARGEST = 64 << 20  # bytes
 DEEPEST = MOST_BODIES + 100  # levels; a chain of bodies is one level per body in MJCF
 MOST = 500_000  # elements; the largest robot that is allowed has a tenth of that
+MOST_SHOWN = 80  # characters of a tag in a message
 ROOTS = ("robot", "mujoco", "mujocoinclude")  # what a robot, or a part of one, starts with
 _DECLARATION = re.compile(rb"""\s*<\?xml[^>]*\bencoding\s*=\s*["']([^"']*)["']""")
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
@@ -196,21 +198,36 @@ def parsed(file: File, budget: Budget | None = None) -> Element:
     try:
         builder.parser.Parse(file.content, True)
     except expat.ExpatError as error:
-        _refuse_syntax(file, error, quote=builder.is_robot)
+        _refuse_syntax(file, error, builder)
     assert builder.root is not None  # expat refuses a text without elements
     return builder.root
 
 
-def _refuse_syntax(file: File, error: expat.ExpatError, quote: bool) -> NoReturn:
-    """`quote`: whether the message may show the line; not of a file that is no robot."""
-    problem = expat.errors.messages[error.code]
+def _refuse_syntax(file: File, error: expat.ExpatError, builder: _Builder) -> NoReturn:
+    """The line and what is in it are shown of a robot, not of another file."""
+    problem = codes.messages[error.code]
     start = sum(len(line) for line in file.content.splitlines(keepends=True)[: error.lineno - 1])
     at = min(start + error.offset, len(file.content))
     if not file.content.lstrip().startswith(b"<"):
         expected = "a URDF or MJCF robot, which starts with `<`"
         raise ModelError(unquoted(file.diagnostic(at, 1, "the file is not XML", expected)))
-    problem_there = file.diagnostic(at, 1, f"not valid XML: {problem}")
-    raise ModelError(problem_there if quote else unquoted(problem_there))
+    if not builder.is_robot:
+        raise ModelError(unquoted(file.diagnostic(at, 1, f"not valid XML: {problem}")))
+    problem, expected = _explained(problem, builder.open)
+    raise ModelError(file.diagnostic(at, 1, f"not valid XML: {problem}", expected))
+
+
+def _explained(problem: str, unclosed: Sequence[Element]) -> tuple[str, str]:
+    """What expat found wrong, and what was expected of the elements that were not closed."""
+    if problem == codes.XML_ERROR_UNCLOSED_TOKEN:
+        return "the file ends in what starts here", "the rest of the file"
+    if not unclosed or problem not in (codes.XML_ERROR_NO_ELEMENTS, codes.XML_ERROR_TAG_MISMATCH):
+        return problem, ""
+    inner = unclosed[-1]
+    tag, line = inner.tag[:MOST_SHOWN], inner.diagnostic("").line
+    if problem == codes.XML_ERROR_NO_ELEMENTS:
+        problem = f"the file ends inside <{tag}>"
+    return problem, f"</{tag}>, the end of the <{tag}> of line {line}"
 
 
 def unquoted(problem: Diagnostic) -> Diagnostic:

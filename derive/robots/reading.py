@@ -30,6 +30,7 @@ from derive.robots.robot import Robot
 from derive.robots.writing import Written, text_of
 
 UNPHYSICAL = "--allow-unphysical takes it as it is"
+OF_INERTIA = ("inertia: ", "tensor: ")  # what stands before an inertia in the text of a model
 # field of RobotFile → its option, and what to write in a model file instead
 OPTIONS = {
     "floating": ("--floating", "a joint of type free in the model file"),
@@ -158,6 +159,8 @@ def _check_numbers(robot: Robot) -> None:
 
 def _model(made: Written, robot: Robot, path: File) -> Model:
     """The text read as a model; what is wrong is told where it stands in the robot's file."""
+    moments = {body.place: body.moments for body in robot.bodies if body.moments}
+    lines = made.text.split("\n")
     try:
         return model.load_text(made.text, str(path))
     except ModelError as error:
@@ -166,5 +169,7 @@ def _model(made: Written, robot: Robot, path: File) -> Model:
             origin = made.origins[problem.line - 1] if problem.line else None
             hint = UNPHYSICAL if problem.hint == WAIVER else problem.hint
             place = origin or robot.root
+            if problem.line and lines[problem.line - 1][: problem.column - 1].endswith(OF_INERTIA):
+                place = moments.get(place, place)
             diagnostics.append(place.diagnostic(problem.message, problem.expected, hint))
         raise ModelError(dict.fromkeys(diagnostics)) from None

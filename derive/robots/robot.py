@@ -25,8 +25,8 @@ class Body:
     """Inertia about the centre of mass in the body's frame (xx, yy, zz, xy, xz, yz); no mass at all
     where `mass` is 0. `physical`: whether the inertia has to be that of a body. `first_moment`
     (kg m) stands in the place of the centre of mass, and the inertia is about the origin then.
-    `symbols`: names of parameters in the place of numbers, by `m`, `c_x` or `h_x`,
-    `I_xx`."""
+    `moments`: the element that says the inertia. `symbols`: names of parameters in the place of
+    numbers, by `m`, `c_x` or `h_x`, `I_xx`."""
 
     name: str
     place: Element
@@ -35,6 +35,7 @@ class Body:
     inertia: tuple[float, ...] = ()
     physical: bool = True
     first_moment: Vector | None = None
+    moments: Element | None = None
     symbols: dict[str, str] = field(default_factory=dict[str, str])
     notes: list[str] = field(default_factory=list[str])
 

@@ -189,7 +189,7 @@ def _inertial(reading: Reading, name: str, inertial: Element, body: Body) -> Non
     if body.mass < 0.0:
         problem = f"the mass of '{name}' is {body.mass:g} kg"
         reading.report(mass, problem, "zero or more", attribute="value")
-    body.com = vector(reading, origin, "xyz")
+    body.com, body.moments = vector(reading, origin, "xyz"), inertia
     moments = [scalar(reading, inertia, moment) for moment in MOMENTS]
     body.inertia = turned_tensor(_turned(reading, origin)[1], moments) if any(moments) else ()
 

@@ -220,6 +220,7 @@ def _mass(reading: Reading, element: Element, inherited: str, body: Body, scene:
     for child, frame, owner in _content(reading, element, inherited, scene):
         if child.tag == "inertial":
             stated.append(explicit(reading, child, frame, settings))
+            body.moments = child
         elif child.tag == "geom":
             geoms.append((completed(reading, child, settings, owner), frame))
     if settings.inertia_from_geoms == "true" or (
@@ -228,6 +229,8 @@ def _mass(reading: Reading, element: Element, inherited: str, body: Body, scene:
         pieces = [
             piece for geom, frame in geoms if (piece := of_geom(reading, geom, frame, settings))
         ]
+    if pieces:
+        body.moments = None
     if pieces or stated:
         fill(body, together(pieces or stated), settings)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from derive.diagnostics import counted
 from derive.robots.limits import ROUNDING
 from derive.robots.markup import Element
 from derive.robots.mjcf.meshes import HINT, solid_of
@@ -150,12 +151,14 @@ def _placed(
     else:
         at, turn = vector(reading, geom, "pos"), orientation(reading, geom, found)
     if len(size) < SIZES[kind] or min(size[: SIZES[kind]], default=0.0) <= 0.0:
-        problem = (
-            f"the size of a {kind} has {len(size)} numbers"
-            if len(size) < SIZES[kind]
-            else f"a {kind} with a size of zero"
-        )
-        reading.report(geom, problem, f"{SIZES[kind]}, more than zero", attribute="size")
+        own = len(geom.get("size").split())
+        needed = 1 if ends else SIZES[kind]
+        problem = f"a {kind} with a size of zero"
+        if len(size) < SIZES[kind]:
+            problem = f"the size of a {kind} has {counted(own, 'number')}"
+            problem = problem if own else f"a {kind} without a size"
+        expected = f"a size of {counted(needed, 'number')}, more than zero"
+        reading.report(geom, problem, expected, attribute="size")
         return at, turn or IDENTITY, None
     return at, turn or IDENTITY, size[: SIZES[kind]]
 

@@ -892,7 +892,7 @@ BAD = {
     ),
     "an impossible inertia": (
         ARM.replace('izz="1"', 'izz="5"', 2).replace('izz="5"', 'izz="1"', 1),
-        [":3:1:", "no body has the inertia of 'l1'"],
+        [":3:44:", "no body has the inertia of 'l1'"],
     ),
     "a strange type": (
         ARM.replace('"revolute"', '"ball"', 1),
@@ -940,7 +940,42 @@ BAD = {
         '<robot name="r" xmlns:xacro="x"><xacro:include filename="a"/></robot>',
         ["a xacro macro", "xacro FILE.xacro"],
     ),
-    "an open element": ("<robot>\n<link>\n</robot>", [":3:3:", "not valid XML: mismatched tag"]),
+    "an open element": (
+        "<robot>\n<link>\n</robot>",
+        [
+            ":3:3:",
+            "not valid XML: mismatched tag",
+            "expected: </link>, the end of the <link> of line 2",
+        ],
+    ),
+    "a file that is cut off": (
+        '<robot name="r">\n<link name="a"/>\n<joint\n name="j">\n<parent link="a"/>\n',
+        [
+            ":6:1:",
+            "the file ends inside <joint>",
+            "expected: </joint>, the end of the <joint> of line 3",
+        ],
+    ),
+    "a file that is cut off in a tag": (
+        '<robot name="r">\n<link name="a"/>\n<joint name="j" ty',
+        [":3:1:", "not valid XML: the file ends in what starts here"],
+    ),
+    "an impossible inertia in MJCF": (
+        ONE_BODY.format('<inertial pos="0 0 0" mass="1" diaginertia="1 1 5"/>', ""),
+        [":1:52:", "no body has the inertia of 'a'"],
+    ),
+    "a capsule without a size": (
+        ONE_BODY.format('<geom type="capsule"/>', ""),
+        ["a capsule without a size", "expected: a size of 2 numbers, more than zero"],
+    ),
+    "a capsule of one number": (
+        ONE_BODY.format('<geom type="capsule" size="1"/>', ""),
+        ["the size of a capsule has 1 number\n", "expected: a size of 2 numbers, more than zero"],
+    ),
+    "a capsule from end to end without a size": (
+        ONE_BODY.format('<geom type="capsule" fromto="0 0 0 0 0 1"/>', ""),
+        ["a capsule without a size", "expected: a size of 1 number, more than zero"],
+    ),
     "an entity bomb": (BOMB, [":1:", "a document type, which can declare entities"]),
     "not XML": ("model: arm\n", ["the file is not XML"]),
     "nothing": ("", ["the file is empty"]),

@@ -43,7 +43,7 @@ static int kinks_at(Run *r, double t, const double *y, double *g)
 static double kink_at(Run *r, int k, double t, const double *y)
 {
     double g[KINKS];
-    return kinks_at(r, t, y, g) == OK ? g[k] : NAN;
+    return kinks_at(r, t, y, g) == OK ? g[k] : (double)NAN;
 }
 
 /* Between the shares a and b of a step along the cubic `d`, where function k has values of two signs: about where it is zero. */

@@ -360,7 +360,7 @@ static void enter_parameters(Lanes *w, int lane)
     for (i = 0; i < PARAMETERS; i++)
         w->p[i * LANES + lane] = r->p[i];
     for (i = 0; i < LANE_CONSTANTS; i++)
-        w->c[i * LANES + lane] = status == OK ? c[i] : NAN;
+        w->c[i * LANES + lane] = status == OK ? c[i] : (double)NAN;
 }
 
 /* Signs of the functions of events as the motion has them. */

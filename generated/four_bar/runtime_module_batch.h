@@ -68,7 +68,7 @@ static void loop(char **args, npy_intp const *dimensions, npy_intp const *steps,
         if (status != OK || !direct)
             for (i = 0; i < rows; i++)
                 for (j = 0; j < columns; j++)
-                    *(double *)(place + i * across[0] + j * next) = status == OK ? out[i * columns + j] : NAN;
+                    *(double *)(place + i * across[0] + j * next) = status == OK ? out[i * columns + j] : (double)NAN;
         *(signed char *)(args[STATUS_AT] + k * steps[STATUS_AT]) = (signed char)status;
     }
     PyMem_RawFree(room);

@@ -19,7 +19,7 @@ static int factor(int n, double *W, int *order)
             W[k * n + j] = W[best * n + j];
             W[best * n + j] = kept;
         }
-        if (!(fabs(W[k * n + k]) > 0.0 && fabs(W[k * n + k]) < INFINITY))
+        if (!(fabs(W[k * n + k]) > 0.0 && fabs(W[k * n + k]) < (double)INFINITY))
             return 0;
         for (i = k + 1; i < n; i++) {
             const double weight = W[i * n + k] / W[k * n + k];

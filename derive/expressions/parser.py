@@ -48,6 +48,7 @@ LONGEST = 1 << 20  # characters
 LONGEST_SYMBOL = max(map(len, UNITS))
 
 _PLAIN = re.compile(r"[+-]?(?:0|[1-9][0-9]*)(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?")
+_DATE = re.compile(r"\s*[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}\s*")
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*)"
@@ -88,6 +89,13 @@ def expression(
     plain = plain_number(text)
     if plain is not None:
         return plain
+    if _DATE.fullmatch(text):
+        difference = re.sub("-0?", " - ", text.strip())
+        raise FormulaError(
+            f"'{text.strip()}' is a date",
+            text,
+            expected=f"a number: dates are not part of the model language; or {difference}",
+        )
     parser = _Parser(text, names, functions, vectors)
     result = parser.sum()
     parser.finish()
@@ -553,10 +561,7 @@ def _finite(token: _Token, text: str) -> float:
         raise FormulaError("the number is too large", text, token.at, BELOW)
     mantissa = re.split("[eE]", token.text)[0]
     if re.match("0[0-9]", mantissa):
-        expected = (
-            f"{mantissa.lstrip('0') or 0}: octal numbers and dates are not part of the "
-            "model language"
-        )
+        expected = f"{mantissa.lstrip('0') or 0}: octal numbers are not part of the model language"
         raise FormulaError(
             f"the number '{token.text}' starts with a zero", text, token.at, expected
         )
@@ -586,6 +591,8 @@ def _split_unit(text: str) -> str:
         for k in range(i + 1, len(text) + 1)
     ]
     known = [parts for parts in splits if all(part in UNITS for part in parts)]
+    # nobody means kg*g or m*cm
+    known = [parts for parts in known if len({str(UNITS[x][1]) for x in parts}) == len(parts)]
     return "*".join(min(known, key=lambda parts: sum(part not in SI for part in parts), default=""))
 
 

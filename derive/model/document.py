@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeGuard
 
 import yaml
 
@@ -31,9 +31,8 @@ _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _BRACED = re.compile(r"\w\{")  # of a name with an index, such as link{i}
-_PLAIN_TAGS = {None, "!"} | {
-    f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "map", "seq")
-}
+_TAG = "tag:yaml.org,2002:"  # what !! stands for
+COMMA = 'inside { } and [ ] a formula with a comma stands in quotes: "max(a, b)"'
 
 
 def content(path: str | PathLike[str], most: int) -> bytes:
@@ -210,6 +209,14 @@ def described(node: Any) -> str:
     return "a number" if _NUMBER.fullmatch(node.text) else "text" if node.text else "nothing"
 
 
+def is_cut(node: Node) -> TypeGuard[Scalar]:
+    """Whether a text ends within its brackets, as max(a, b) does at the comma where no quotes
+    are."""
+    if not isinstance(node, Scalar):
+        return False
+    return node.plain and node.text.count("(") > node.text.count(")")
+
+
 def _opening(span: Span) -> Span:
     return replace(span, length=1)
 
@@ -286,10 +293,10 @@ class _Builder:
                 f"an alias '*{event.anchor}'",
                 "the value itself: aliases are not part of the model language",
             )
-        if event.tag not in _PLAIN_TAGS:
+        if event.tag is not None:
             self.source.refuse(
                 span,
-                f"a tag '{event.tag}'",
+                f"a tag '{event.tag.replace(_TAG, '!!')}'",
                 "a plain value: tags are not part of the model language",
             )
         if depth > DEEPEST:
@@ -315,6 +322,7 @@ class _Builder:
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
             key = self.key(event)
             if key in places:
+                self._check_commas(entries)
                 first = places[key]
                 self.source.refuse(
                     key.span,
@@ -324,6 +332,22 @@ class _Builder:
             places[key] = key.span
             entries[key] = self.node(next(self.events), depth + 1)
         return entries
+
+    def _check_commas(self, entries: Mapping[Key, Node]) -> None:
+        """Of max(1, 1, 2) without quotes in { } each comma starts an entry: what is given twice is
+        no key."""
+        for value in entries.values():
+            if is_cut(value) and self._is_before_comma(value):
+                self.source.refuse(
+                    value.span,
+                    f"'{value.text}' ends at a comma, within its brackets",
+                    "a formula in quotes",
+                    COMMA,
+                )
+
+    def _is_before_comma(self, value: Scalar) -> bool:
+        line = self.source.lines[value.span.line - 1]
+        return line[value.span.column - 1 + len(value.text) :].lstrip().startswith(",")
 
     def key(self, event: Any) -> Key:
         """The key of an entry, with its place. Raises ModelError where it is no plain text."""

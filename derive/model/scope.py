@@ -12,6 +12,7 @@ from derive.expressions.dimensions import Inferred
 from derive.expressions.linearity import FREE, Degree
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.tree import Expression
+from derive.expressions.units import UNITS
 
 # kinds of names, and sets of them for the places where formulas stand
 PARAMETER, COORDINATE, VELOCITY, INPUT, TIME = (
@@ -62,6 +63,11 @@ def rate_meant(name: str, usable: Sequence[str]) -> str:
     guesses = ["".join(match.groups()) for match in matches if match]
     found = next((rate for q in guesses if (rate := f"der({q})") in usable), "")
     return f"did you mean '{found}'?" if found else ""
+
+
+def unit_meant(name: str) -> str:
+    """Where a unit may stand, of a name that is one; nothing of others."""
+    return f"a unit stands behind a number: 1 {name}, 1 1/{name}, x/(1 {name})" * (name in UNITS)
 
 
 @dataclass
@@ -149,8 +155,16 @@ class Scope:
             self._check_rows(node, text)
             usable = self.names(allowed)
             known = [known for known in usable if "(" not in known]
-            hint = rate_meant(node.name, usable) or did_you_mean(node.name, known)
-            raise FormulaError(f"unknown name '{node.name}'", text, node.at, listed(known), hint)
+            expected = listed(known)
+            if allowed == ROW:  # nothing but velocities can stand alone
+                known = [*usable, *self.aliases]
+                expected = f"{listed(self.of_kind(VELOCITY))}, each with a factor if need be"
+            hints = (
+                rate_meant(node.name, usable) or did_you_mean(node.name, known),
+                unit_meant(node.name),
+            )
+            hint = "; ".join(filter(None, hints))
+            raise FormulaError(f"unknown name '{node.name}'", text, node.at, expected, hint)
         self._check_kind(node.name, self.symbols[name], node.at, allowed, where, text)
 
     def _check_rows(self, node: tree.Name, text: str) -> None:

@@ -11,12 +11,21 @@ from pydantic import ValidationError
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, distinct, listed
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit as unit_of
-from derive.model.document import Entries, Items, Key, Node, Scalar, Source, described
+from derive.model.document import (
+    COMMA,
+    Entries,
+    Items,
+    Key,
+    Node,
+    Scalar,
+    Source,
+    described,
+    is_cut,
+)
 from derive.model.keys import Entry
 from derive.model.records import Span
 from derive.model.shape import Document
 
-COMMA = 'inside { } and [ ] a formula with a comma stands in quotes: "max(a, b)"'
 Shape = TypeVar("Shape", bound=Entry)
 
 
@@ -156,8 +165,15 @@ def _unknown_keys(found: Any, context: dict[str, Any], source: Source) -> Iterat
             span,
             f"unknown key '{name}'",
             listed(context["keys"], 24),
-            _near_key(name, context["keys"]),
+            COMMA if _is_rest(found, name) else _near_key(name, context["keys"]),
         )
+
+
+def _is_rest(found: Entries, name: str) -> bool:
+    """Whether a key without a value is what a comma cut off: the 2 of {tension: max(1, 2, q)}."""
+    value = found[name]
+    empty = isinstance(value, Scalar) and value.plain and not value.text
+    return empty and any(is_cut(other) for other in found.values())
 
 
 # what other tools and textbooks call a key of ours

@@ -16,7 +16,7 @@ from derive.model.records import Span
 from derive.numerics import refuses_numerically
 from derive.states import gimbal
 from derive.states.closing import Kinematics, closed, nominal, normalised, nudges, shortest
-from derive.states.limits import AGREES
+from derive.states.limits import AGREES, RANK, TAKES_PART
 from derive.states.scales import scaled, scales
 from derive.states.sparse import Sparse, stacked, unit, with_zeros
 from derive.states.speeds import rows_in_own_units
@@ -201,8 +201,9 @@ def _slopes(system: System, t: float, q: np.ndarray, p: np.ndarray) -> np.ndarra
 
 
 def _off(system: System, p: np.ndarray, start: np.ndarray, t: float) -> ModelError:
-    off = _positions(system, t, start, p)
-    steep = ~np.isfinite(_slopes(system, t, start, p)).all(axis=1)
+    off, slopes = _positions(system, t, start, p), _slopes(system, t, start, p)
+    when = f" at t = {t:.3g} s" if t else ""
+    steep = ~np.isfinite(slopes).all(axis=1)
     if np.isfinite(off).all() and steep.any():
         row = _row_of_position(system, int(np.argmax(steep)))
         return _problem(
@@ -211,16 +212,43 @@ def _off(system: System, p: np.ndarray, start: np.ndarray, t: float) -> ModelErr
             "initial values, or values under `guess:`, beside them",
             row,
         )
+    apart = _apart(slopes, off)
+    if len(apart) > 1:
+        rows = [_row_of_position(system, entry) for entry in apart]
+        return _problem(
+            system,
+            f"no configuration near the initial values satisfies the constraints{when}: "
+            f"{', '.join(rows[:-1])} and {rows[-1]} contradict each other",
+            "constraints that can be met together, or other initial values",
+            rows[-1],
+            at_row=True,
+        )
     worst = int(np.argmax(np.where(np.isnan(off), np.inf, np.abs(off))))
     row = _row_of_position(system, worst)
     how = f"is off by {off[worst]:.3g}" if np.isfinite(off[worst]) else "has no value there"
     return _problem(
         system,
-        f"no configuration near the initial values satisfies the constraints ({row} {how})",
+        f"no configuration near the initial values satisfies the constraints{when} ({row} {how})",
         "initial values, or values under `guess:`, nearer to one; or lengths and constraints that "
         "can be met together",
         row,
     )
+
+
+def _apart(slopes: np.ndarray, off: np.ndarray) -> list[int]:
+    """Entries of φ that depend on each other and contradict each other: what is left of φ where all
+    steps along the slopes, each row of length one, are taken."""
+    lengths = np.linalg.norm(slopes, axis=1)
+    if not (np.isfinite(lengths).all() and np.isfinite(off).all()):
+        return []
+    sloped = np.flatnonzero(lengths > 0.0)
+    J, phi = slopes[sloped] / lengths[sloped, None], off[sloped] / lengths[sloped]
+    best: np.ndarray = np.linalg.pinv(J, RANK) @ phi
+    left = np.abs(phi - J @ best)
+    largest = float(np.max(left, initial=0.0))
+    if largest <= AGREES * float(np.max(np.abs(phi), initial=0.0)):
+        return []
+    return [int(sloped[i]) for i in np.flatnonzero(left > TAKES_PART * largest)]
 
 
 def _row_of_position(system: System, entry: int) -> str:
@@ -333,9 +361,12 @@ def _in_gimbal_lock(own: Own, solver: Kinematics, q: np.ndarray, p: np.ndarray) 
     return ModelError(replace(found, hint=gimbal.INSTEAD))
 
 
-def _problem(system: System, message: str, advice: str, row: str = "") -> ModelError:
-    """At the initial values; where there are none, at the constraint of the row."""
+def _problem(
+    system: System, message: str, advice: str, row: str = "", at_row: bool = False
+) -> ModelError:
+    """At the initial values; where there are none, or where it is `at_row`, at the constraint of
+    the row."""
     model = system.model
-    spans = [x.span for x in model.initial[:1]]
+    spans = [x.span for x in model.initial[:1] if not at_row]
     spans += [x.span for x in (*model.constraints, *model.closures) if x.name == row.split(".")[0]]
     return ModelError(model.diagnostic(spans[0] if spans else Span(0, 0), message, advice))

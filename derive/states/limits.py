@@ -22,12 +22,14 @@ SINGULAR = 1e-3  # of its usual value the least singular value of all rows: no r
 
 # initial
 AGREES = 1e-9  # relative residual up to which held velocities count as kept
+TAKES_PART = 1e-3  # of the largest residual of rows that contradict each other: one of them
 
 # nonideal
 SAMPLES = 12  # states at which pivots of the ideal problem are looked at
 RANK = 1e-9  # singular values of rows of length one below this are zero
 
 # sampling
+LATER = (0.1, 0.5, 1.0, 2.0)  # s: when a mechanism that moves by itself is asked to close, too
 SQUARES = 1e-14  # eigenvalues of J Jᵀ below this part of the largest are zero: rounding of squares
 
 # sparse

@@ -25,6 +25,7 @@ from derive.states.limits import (
     CLOSED,
     CONTRADICTION,
     FAR,
+    LATER,
     LEAP,
     LEFT_OVER,
     LOOSE,
@@ -55,9 +56,11 @@ class States:
 
 def no_states(system: System) -> HamelError:
     """What is told of a system of which no admissible state is found: where its initial state
-    cannot be made consistent, which row is off."""
+    cannot be made consistent, now or later, which row is off."""
+    later = LATER if depends_on_time(system) else ()
     try:
-        initial_state(system)
+        for t in (0.0, *later):
+            initial_state(system, t=t)
     except ModelError as error:
         return error
     message = "no configuration near the initial values satisfies the constraints"

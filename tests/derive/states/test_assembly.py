@@ -176,3 +176,33 @@ def test_states_drawn_around_a_slide_that_starts_far_off_are_closed(tmp_path):
     phi = ca.Function("phi", [found.t, found.q, found.p], [found.phi])
     off = [np.abs(phi(t, q, p).full()).max() for t, q, p in zip(drawn.t, drawn.q, drawn.p)]
     assert len(off) == 50 and max(off) < 1e-11
+
+
+TWICE = """
+model: twice
+plane: xy
+bodies: {{a: {{mass: 1 kg, inertia: 1}}}}
+joints: {{A: {{type: revolute, parent: ground, child: a, coordinate: q}}}}
+initial: {{q: 0}}
+constraints:
+  p: {{type: prescribed, coordinate: q, motion: {first}}}
+  p2: {{type: prescribed, coordinate: q, motion: {second}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "when"),
+    [("sin((2 rad/s)*t)", "(2 rad/s)*t", " at t = 0.1 s"), ("1", "2", "")],
+)
+def test_constraints_that_contradict_each_other_are_named(first, second, when, tmp_path):
+    twice = _read(tmp_path, TWICE.format(first=first, second=second))
+    with pytest.raises(ModelError) as told:
+        equations(twice, "auto")
+    wanted = f"satisfies the constraints{when}: p and p2 contradict each other"
+    assert wanted in (found := told.value.diagnostics[0]).message
+    assert (found.line, found.column) == (9, 3)
+
+
+def test_a_coordinate_may_be_prescribed_twice_alike(tmp_path):
+    twice = _read(tmp_path, TWICE.format(first="(2 rad/s)*t", second="(2 rad/s)*t"))
+    assert equations(twice, "auto").w == ()

@@ -16,7 +16,7 @@ from derive.model.records import Span
 from derive.numerics import refuses_numerically
 from derive.states import gimbal
 from derive.states.closing import Kinematics, closed, nominal, normalised, nudges, shortest
-from derive.states.limits import AGREES, RANK, TAKES_PART
+from derive.states.limits import AGREES, TAKES_PART
 from derive.states.scales import scaled, scales
 from derive.states.sparse import Sparse, stacked, unit, with_zeros
 from derive.states.speeds import rows_in_own_units
@@ -243,8 +243,7 @@ def _apart(slopes: np.ndarray, off: np.ndarray) -> list[int]:
         return []
     sloped = np.flatnonzero(lengths > 0.0)
     J, phi = slopes[sloped] / lengths[sloped, None], off[sloped] / lengths[sloped]
-    best: np.ndarray = np.linalg.pinv(J, RANK) @ phi
-    left = np.abs(phi - J @ best)
+    left = np.abs(phi - J @ shortest(J, phi))
     largest = float(np.max(left, initial=0.0))
     if largest <= AGREES * float(np.max(np.abs(phi), initial=0.0)):
         return []

@@ -29,6 +29,8 @@ SAMPLES = 12  # states at which pivots of the ideal problem are looked at
 RANK = 1e-9  # singular values of rows of length one below this are zero
 
 # sampling
+BEYOND = 30.0  # times Newton's step from there: where the slope of a formula is looked at once more
+VANISHED = 0.1  # of that slope: less where the formula is zero is none
 LATER = (0.1, 0.5, 1.0, 2.0)  # s: when a mechanism that moves by itself is asked to close, too
 SQUARES = 1e-14  # eigenvalues of J Jᵀ below this part of the largest are zero: rounding of squares
 

@@ -17,11 +17,13 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic, HamelError, ModelError
 from derive.mechanics.records import System
+from derive.model.constraint_records import Holonomic
 from derive.numerics import NONZERO, refuses_numerically
 from derive.states import gimbal
 from derive.states.closing import Kinematics, closed, nominal, normalised
 from derive.states.initial import initial_state
 from derive.states.limits import (
+    BEYOND,
     CLOSED,
     CONTRADICTION,
     FAR,
@@ -37,6 +39,7 @@ from derive.states.limits import (
     STARTS,
     STEPS,
     TRIALS,
+    VANISHED,
 )
 from derive.states.scales import scaled, scales
 from derive.states.sparse import lengths_over_states, squares
@@ -255,7 +258,38 @@ def _walked(
     q, p = _with_parameters(walk, start, usual, p)
     time, q = _on_foot(walk, rng, t, q, p, spread)
     q, done = walk.closed(time, q, p)
-    return time[done], q[done], p[done]
+    t, q, p = time[done], q[done], p[done]
+    if len(t) and not solver.many_rows:
+        _check_slopes(solver, t[:PROBES], q[:PROBES], p[:PROBES])
+    return t, q, p
+
+
+def _check_slopes(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> None:
+    """Refuses formulas whose slope vanishes wherever they do, such as (y - x)^2: Newton's steps
+    come ever nearer and never arrive, so what they leave says how far the root is. Some of these
+    lengths beyond it the slope is another one; that of y - x is the same."""
+    model = solver.system.model
+    formulas = {x.name: x for x in model.constraints if isinstance(x, Holonomic)}
+    rows = [row for row in solver.system.rows if row.name in formulas and row.position >= 0]
+    if not rows:
+        return
+    phi, slopes = solver.closing(t, q, p)
+    for row in rows:
+        left, slope = phi[:, row.position], slopes[:, row.position]
+        length = np.linalg.norm(slope, axis=1)
+        step = BEYOND * left / np.maximum(length, NONZERO) ** 2
+        beyond = solver.carried(t, q, p, step[:, None] * slope)
+        there = np.linalg.norm(solver.closing(t, beyond, p)[1][:, row.position], axis=1)
+        least = VANISHED * there
+        if (length <= least).all() and (length < least).any():  # of 0*x both are zero
+            raise AssumptionError(
+                model.diagnostic(
+                    formulas[row.name].span,
+                    f"the slope of {row.name} vanishes wherever {row.name} is zero: it has no "
+                    "reaction there",
+                    "a formula without that power, such as y - x and not its square",
+                )
+            )
 
 
 def _start(solver: Kinematics, rng: np.random.Generator, p: np.ndarray) -> np.ndarray | None:

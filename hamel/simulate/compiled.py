@@ -20,7 +20,7 @@ from codegen.integrators import AUTO, AUTOMATIC
 from codegen.reals import real_of
 from derive.choices.redundancy import dependent_rows
 from derive.choices.survey import survey_of
-from derive.diagnostics import AssumptionError, ModelError
+from derive.diagnostics import AssumptionError, HamelError, ModelError, VerificationError
 from derive.enforcement import Enforcement, Options, kept_equations, usual_rate
 from derive.formulations import equations
 from derive.formulations.charts import charted
@@ -230,13 +230,18 @@ def _integrated(
         return _motion(problem, chosen, method, times, progress, automatic, more)
     except motion.Final:
         raise
+    except VerificationError as error:
+        raise _explained(error, problem) from None
     except AssumptionError as error:
         if not more():
             raise _explained(error, problem) from None
         several = charted([chosen, *more()], survey_of(problem.system))
         try:
             return _motion(problem, several, method, times, progress, automatic)
-        except AssumptionError as last:  # where all charts together come to an end
+        except (
+            AssumptionError,
+            VerificationError,
+        ) as last:  # where all charts together come to an end
             raise _explained(last, problem) from None
 
 
@@ -362,9 +367,10 @@ def _functions(by: Equations, method: Method) -> tuple[str, ...] | None:
     return tuple(function.name for function in by.functions if function.name in CALLED)
 
 
-def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
+def _explained(error: HamelError, problem: Problem) -> HamelError:
     """The error, or what is behind it: constraint rows that depend on each other at the start and
-    with these parameters."""
+    with these parameters. From there states on several branches are verified, and no choice need
+    be right on all of them."""
     system = problem.system
     if not system.rows:
         return error
@@ -380,9 +386,10 @@ def _explained(error: AssumptionError, problem: Problem) -> AssumptionError:
     else:
         start = "at the start, with these parameters"
         hint = "another start, or these values in the file: what repeats is found and dropped there"
-    return AssumptionError(
-        f"{system.model.name}: {start}, {repeats}: {error.diagnostics[0].message}", hint
-    )
+    why = error.diagnostics[0].message
+    if isinstance(error, VerificationError):
+        why = "no motion from it is determined"
+    return AssumptionError(f"{system.model.name}: {start}, {repeats}: {why}", hint)
 
 
 def others(problem: Problem, equations: Equations) -> list[Equations]:

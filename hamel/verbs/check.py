@@ -77,12 +77,16 @@ def show(record: Checked, console: Console) -> None:
     """One line of verdict, then what the equations assume, what is refused, and initial values that
     had to move."""
     velocities = counted(len(record.velocities), "velocity", "velocities")
-    size = f"{velocities}, {counted(len(record.constraints), 'constraint')} of rank {record.rank}"
+    freedom = counted(record.degrees_of_freedom, "degree") + " of freedom"
+    singular = record.speeds_at_start > record.degrees_of_freedom
+    rank = len(record.velocities) - record.degrees_of_freedom if singular else record.rank
+    size = f"{velocities}, {counted(len(record.constraints), 'constraint')} of rank {rank}"
+    if singular:
+        size += f" ({record.rank} at the start)"
     if record.states:
         size += f", {counted(len(record.states), 'first-order state')}"
-    freedom = f"{counted(record.degrees_of_freedom, 'degree')} of freedom"
     console.print(f"{record.model}: ok, {size}, {freedom}; choices {', '.join(record.choices)}")
-    if record.speeds_at_start > record.degrees_of_freedom:
+    if singular:
         console.print(
             f"  the initial state is singular: {record.speeds_at_start} speeds are free there, "
             f"{record.degrees_of_freedom} elsewhere, and no motion from it is determined"

@@ -282,6 +282,24 @@ def test_every_function_of_larger_models_is_built(name):
     test_every_function_that_is_listed_is_built(name)
 
 
+CROSSED = """
+model: crossed
+plane: xy
+bodies: {a: {mass: 1 kg}}
+joints: {A: {type: point, parent: ground, child: a, coordinates: [x, y]}}
+constraints: {c: {holonomic: x*y}}
+initial: {x: 0 m, y: 0 m, der(x): 1 m/s}
+"""
+
+
+def test_a_start_where_branches_cross_is_no_failed_verification(tmp_path):
+    path = tmp_path / "crossed.yaml"
+    path.write_text(CROSSED)
+    wanted = "crossed: at the start, constraint c says nothing: no motion from it is determined"
+    with pytest.raises(AssumptionError, match=wanted):
+        hamel.simulate(path, time=1.0)
+
+
 def test_schema_accepts_no_unknown_keys():
     schema = hamel.schema()
     assert schema["additionalProperties"] is False
@@ -302,7 +320,9 @@ def test_a_singular_start_is_told(tmp_path, capsys):
     assert (record.degrees_of_freedom, record.speeds_at_start) == (1, 2)
     with pytest.raises(SystemExit):
         main(["check", str(path)])
-    assert "singular: 2 speeds are free there, 1 elsewhere" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "singular: 2 speeds are free there, 1 elsewhere" in told
+    assert "2 constraints of rank 2 (1 at the start), 1 degree of freedom" in told
     path.with_name("frame.yaml").write_text(FLAT + "quasi_velocities: {best: orthonormal}\n")
     for file in (path, path.with_name("frame.yaml")):  # whose frame is based on the start
         with pytest.raises(AssumptionError, match=r"flat: at the start, row 1 of closure C"):

@@ -71,3 +71,34 @@ def test_not_every_rank_of_many_rows_is_tried(monkeypatch: pytest.MonkeyPatch) -
     closings.clear()
     assert len(states(mechanics, 4).q)
     assert closings[0] == 40 and len(closings) < 12
+
+
+TRACK = """
+model: track
+plane: xy
+bodies: {{a: {{mass: 1 kg}}}}
+joints: {{A: {{type: point, parent: ground, child: a, coordinates: [x, y]}}}}
+constraints: {{c: {{holonomic: {formula}}}}}
+initial: {{x: 1e-5 m, y: {y} m}}
+"""
+
+
+@pytest.mark.parametrize("formula", ["(y - x)^2", "(y - x)^3", "x^2 - 2*x*y + y^2"])
+def test_a_formula_without_a_slope_where_it_is_zero_is_refused(formula):
+    model = load_text(TRACK.format(formula=formula, y=1e-5))
+    with pytest.raises(AssumptionError, match="the slope of c vanishes wherever c is zero") as told:
+        states(system(model), 5)
+    assert (told.value.diagnostics[0].line, told.value.diagnostics[0].column) == (6, 15)
+
+
+@pytest.mark.parametrize(
+    ("formula", "y"),
+    [
+        ("x^2 + y^2 - 1e-10", 0.0),
+        ("x*y", 0.0),
+        ("(y - x)*(1 + (y - x)^2)", 1e-5),
+        ("y^3 - x*(1 m^2)", 0.1),
+    ],
+)
+def test_a_formula_whose_slope_is_small_or_vanishes_at_one_place_is_not(formula, y):
+    assert len(states(system(load_text(TRACK.format(formula=formula, y=y))), 5).t) == 5

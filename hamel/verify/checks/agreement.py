@@ -18,7 +18,6 @@ from hamel.verify.limits import (
     FLOOR,
     MOST_EXCUSED,
     OWN_ENERGIES,
-    PER_CONDITION,
     ROUNDING,
     SMALL,
     SOLVED,
@@ -244,11 +243,10 @@ def motion(e: Evidence) -> float:
 def acceleration_error(
     e: Evidence, wanted: Sequence[Array], relax: Sequence[float] | Array
 ) -> float:
-    """The choice's v̇ against another one. A condition number of a thousand excuses nothing: what it
-    makes of a rounding is far below the tolerance. Beyond that as many times the tolerance are, up
-    to MOST_EXCUSED."""
+    """The choice's v̇ against another one, per condition number: it excuses roundings and no
+    digits."""
     sums = e.of_accelerations(SOLVED)
-    excused = np.clip(PER_CONDITION * np.asarray(relax), 1.0, MOST_EXCUSED)
+    excused = np.minimum(np.asarray(relax), MOST_EXCUSED)
     return deviation(e.vdot, wanted, excused, e.small, e.units.vdot, sums)
 
 
@@ -428,7 +426,7 @@ CHECKS = (
     Check(
         "v̇",
         SOLVED,
-        "reference: Newton–Euler in maximal coordinates, beyond what its condition number excuses",
+        "reference: Newton–Euler in maximal coordinates, per condition number",
         motion,
     ),
     Check(
@@ -446,13 +444,13 @@ CHECKS = (
     Check(
         "v̇ augmented",
         SOLVED,
-        "the system's own terms solved with multipliers, beyond what a condition number excuses",
+        "the system's own terms solved with multipliers, per condition number",
         augmented,
     ),
     Check(
         "v̇ of other choices",
         SOLVED,
-        "the other quasi-velocities of the model, beyond what the condition numbers excuse",
+        "the other quasi-velocities of the model, per sum of condition numbers",
         choices,
     ),
     Check("outputs", SOLVED, "reference: positions, velocities, angles and formulas", results),

@@ -32,7 +32,7 @@ from hamel.verify.checks.duals import tangents
 from hamel.verify.checks.evidence import Evidence, Row, margins, roundoff
 from hamel.verify.checks.motion import best_conditioned
 from hamel.verify.checks.samples import Sample
-from hamel.verify.limits import FLOOR, PER_CONDITION
+from hamel.verify.limits import FLOOR
 from hamel.verify.reference.vectors import Array
 
 NAME = "linearization"
@@ -48,9 +48,9 @@ HESSIAN, OF_FORWARD = "dynamics_hessian", "jacobian_forward"
 MOST = 80  # states of a model that is linearised without being asked
 SEEN = 5  # of the sampled states
 # Relative to the column or to a thousandth of what is differentiated: both sides are exact
-# derivatives, and rounding is all that they differ by: for a condition number of a thousand, and in
-# proportion beyond …
+# derivatives, and rounding is all that they differ by.
 EXACT = 1e-9
+PER_CONDITION = 1e-3  # … for a condition number of a thousand, and in proportion beyond …
 LOOSEST = 1e4  # … up to this factor: an error of 1e-5 is one whatever the condition
 UNREDUCED = 1e-7  # two eliminations of the multipliers, each with the condition of M and A in it
 NEXT_TO_NOTHING = 1e-3

@@ -23,7 +23,16 @@ from tests.scenes import derived, equations_of_text, mechanics
 from tests.toy import toy
 from tests.trees import equal_links
 
-STRICT = ("-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wdouble-promotion", "-Werror", "-fsyntax-only")
+STRICT = (
+    "-std=c99",
+    "-O1",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wdouble-promotion",
+    "-Werror",
+    "-fsyntax-only",
+)
 HEADERS = (sysconfig.get_paths()["include"], np.get_include())
 EVERY = tuple(integrator.name for integrator in INTEGRATORS)
 

@@ -2,7 +2,9 @@
 planted errors show."""
 
 import re
+from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -11,12 +13,13 @@ from derive.diagnostics import VerificationError
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit
 from derive.formulations import equations
+from derive.formulations.evaluate import evaluator
 from derive.model import load, load_text
 from derive.states import system
 from derive.states.sampling import states
 from derive.states.scales import Scales, scales
 from hamel.verify import verification
-from hamel.verify.checks.agreement import acceleration_error
+from hamel.verify.checks.agreement import acceleration_error, choices
 from hamel.verify.limits import SOLVED
 from hamel.verify.mutation.mutations import mutations
 from hamel.verify.reference.outcome import evaluate, reference, state_of
@@ -140,12 +143,21 @@ def test_a_choice_beyond_floating_point_is_refused_by_verification(tmp_path):
 
 
 def test_a_condition_number_excuses_roundings_and_no_digits():
-    """Of Andrews' mechanism it is above a million; v̇ off by two thousandths passed."""
+    """Of Andrews' mechanism it is above a million, and of two choices it was multiplied: v̇ that was
+    off by a hundredth passed."""
     model = load(MODELS / "andrews.yaml")
     e = evidence(reference(model), equations(system(model)), None, 4)
     right = [sample.outcome.vdot for sample in e.samples]
     assert max(e.conditions) > 1e6
     assert acceleration_error(e, right, e.conditions) < 1e-3 * SOLVED
     off = [vdot * 1.002 for vdot in right]
-    assert acceleration_error(e, off, e.conditions) > SOLVED
     assert acceleration_error(e, off, np.full(len(right), 1e30)) > SOLVED
+    chosen = e.graph.equations
+    dynamics = chosen.function("dynamics")
+    xdot = ca.SX(dynamics.result.value)
+    xdot[-1] *= 1.02
+    wrong = replace(dynamics, result=replace(dynamics.result, value=xdot))
+    functions = tuple(wrong if f.name == "dynamics" else f for f in chosen.functions)
+    for other, right in ((chosen, True), (replace(chosen, functions=functions), False)):
+        error = choices(replace(e, others=(evaluator(other),)))
+        assert error is not None and (error <= SOLVED) == right

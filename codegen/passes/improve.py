@@ -115,7 +115,10 @@ def improve(name: str, tape: Tape, loose: range) -> tuple[Candidate, list[Entry]
         entries.append(Entry(name, "invert", best.total, inverted.total))
     if inverted.total > LONG_FUNCTION:  # these wait for instructions, not for operands (measured)
         return inverted, entries
-    return _candidate(balance(inverted.lowered, _named(inverted)), inverted.marks), entries
+    balanced = _candidate(balance(inverted.lowered, _named(inverted)), inverted.marks)
+    if balanced.total != inverted.total:  # a sign less, or a sum shared
+        entries.append(Entry(name, "balance", inverted.total, balanced.total))
+    return balanced, entries
 
 
 def _rounds(work: Work, loose: range, operations: int) -> Iterator[tuple[str, _Draft]]:

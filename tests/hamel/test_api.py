@@ -214,6 +214,9 @@ def test_explain_counts_what_the_passes_saved():
     found = hamel.explain(MODELS / "four_bar.yaml", choice="crank", constants="all")
     assert found.operations["dynamics"] > 0
     assert {entry["function"] for entry in found.ledger} >= {"dynamics"}
+    # what is hoisted is still done, but once; every other step leads to what is emitted
+    left = {e["function"]: e["after"] for e in found.ledger if e["step"] != "hoist"}
+    assert {name: found.operations[name] for name in left} == left
 
 
 def test_list_names_everything_a_model_can_hold():

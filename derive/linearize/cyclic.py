@@ -9,6 +9,7 @@ from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.limits import CYCLIC_SAMPLES, LEAST_SCALE, NOTHING
 from derive.linearize.minimal import evaluator, position_rows
+from derive.linearize.turning import rates_of_angles
 from derive.states.sampling import states
 from derive.states.scales import scales
 
@@ -86,8 +87,9 @@ def confirmed(equations: Equations, names: tuple[str, ...]) -> tuple[int, ...]:
             )
         if known.index(name) not in result:
             cyclic = listed(known[i] for i in result) or "none"
+            advice = rates_of_angles(equations, name)
             raise AssumptionError(
                 f"'{name}' is not cyclic: the equations depend on it",
-                f"cyclic coordinates: {cyclic}",
+                f"cyclic coordinates: {cyclic}{advice and '; ' + advice}",
             )
     return tuple(known.index(name) for name in names)

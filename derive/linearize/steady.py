@@ -28,6 +28,7 @@ from derive.linearize.limits import (
 )
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
+from derive.linearize.turning import rates_of_angles
 from derive.model.records import Span, SteadyMotion
 from derive.states import gimbal
 from derive.states.closing import Kinematics, closed, nominal, normalised
@@ -442,6 +443,8 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray, s: np.ndarray) -
             "; a body that goes on turning needs `orientation: {euler: …}`, or hinges: its "
             "quaternion turns along"
         )
+    if turning := rates_of_angles(found.equations, found.rows[k]):
+        advice += f"; {turning}"
     free = ", ".join(f"{name} = {x:.3g}" for name, x in zip(motion.sweepable, s))
     message = f"{what}{f' with {free}' if free else ''}: {found.rows[k]} {missed}"
     return AssumptionError(model.diagnostic(motion.span, message, advice))

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from derive.diagnostics import Diagnostic, ModelError
-from derive.model.document import DEEPEST
+from derive.model.document import DEEPEST, NUMBER
 
 _PLAIN = (str, bool, int, float)
 
@@ -143,3 +143,16 @@ class _Dumper(yaml.SafeDumper):
     def ignore_aliases(self, data: Any) -> bool:
         """Of everything."""
         return True
+
+    def represent_str(self, data: str) -> yaml.ScalarNode:
+        """A text, in quotes where YAML needs them. What is a number to YAML is text of ours, and
+        reads the same without."""
+        if NUMBER.fullmatch(data):
+            node: type[yaml.Node] = yaml.ScalarNode
+            # its stub does not say what it gives
+            tag: str = self.resolve(node, data, (True, False))  # pyright: ignore[reportUnknownVariableType,reportUnknownMemberType]
+            return self.represent_scalar(tag, data)  # pyright: ignore[reportUnknownMemberType,reportUnknownArgumentType]
+        return super().represent_str(data)
+
+
+_Dumper.add_representer(str, _Dumper.represent_str)

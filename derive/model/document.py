@@ -29,7 +29,7 @@ MOST_BODIES = 20_000  # reading them takes some tens of seconds, building them m
 MOST_VALUES = 1_000_000  # 20,000 links of a robot have about 800,000
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _BRACED = re.compile(r"\w\{")  # of a name with an index, such as link{i}
 _TAG = "tag:yaml.org,2002:"  # what !! stands for
 COMMA = 'inside { } and [ ] a formula with a comma stands in quotes: "max(a, b)"'
@@ -206,7 +206,7 @@ def described(node: Any) -> str:
         return "a mapping"
     if not isinstance(node, Scalar) or not node.plain:
         return "text"
-    return "a number" if _NUMBER.fullmatch(node.text) else "text" if node.text else "nothing"
+    return "a number" if NUMBER.fullmatch(node.text) else "text" if node.text else "nothing"
 
 
 def is_cut(node: Node) -> TypeGuard[Scalar]:

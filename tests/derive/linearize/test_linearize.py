@@ -1,7 +1,7 @@
 """Linear equations along steady motions: published digits, closed forms, and the bookkeeping of
 zeros.
 
-Of derive.linearize: cyclic, limits, records.
+Of derive.linearize: cyclic, limits, records, turning.
 Of hamel.linear: figure, limits, page, plots, ranges, sweep, words.
 """
 
@@ -771,3 +771,29 @@ def test_a_turning_quaternion_is_told_to_be_one(tmp_path):
     file.write_text(text)
     with pytest.raises(AssumptionError, match="its quaternion turns along"):
         hamel.linearize(file, out=tmp_path / "page.html")
+
+
+EULER_TOP = """
+model: top
+gravity: [0, 0, -9.81]
+bodies: {top: {mass: 2 kg, com: [0, 0, 0.1], inertia: {tensor: [0.025, 0.025, 0.005], about: origin}}}
+joints: {j: {type: ball, parent: ground, child: top, orientation: {euler: xyz, angles: [a, b, c]}}}
+initial: {a: 0, j.wz: 60}
+"""
+HELD = "steady_motion: {sleep: {a: 0, b: 0, j.wx: 0, j.wy: 0, j.wz: 60}}\n"
+SAID = "steady_motion: {sleep: {a: 0, b: 0, j.wz: 60, cyclic: [c]}}\n"
+RATES = "quasi_velocities: {euler: [der(a), der(b), der(c)]}"
+
+
+@pytest.mark.parametrize(
+    ("steady", "problem"),
+    [(HELD, r"der\(c\) would have to vanish"), (SAID, "'c' is not cyclic")],
+)
+def test_a_body_that_turns_by_its_angles_wants_their_rates(steady, problem, tmp_path):
+    path = tmp_path / "top.yaml"
+    path.write_text(EULER_TOP + steady)
+    with pytest.raises(AssumptionError, match=problem) as told:
+        hamel.linearize(path)
+    assert RATES in str(told.value)
+    path.write_text(EULER_TOP + steady + RATES)
+    assert "c" in hamel.linearize(path).cyclic

@@ -393,3 +393,11 @@ def test_indices_among_other_braces_are_put_in():
     model = load_text(CHAINED)
     assert [x.about for x in model.bodies[-2:]] == ["{1} of 12", "{1} of 13"]
     assert model.symbols == (("q11", "q_{11}^{2}"), ("q12", "q_{12}^{2}"))
+
+
+def test_numbers_are_written_without_quotes():
+    """As texts, too, for that is what they are read as; what only looks like one keeps its own."""
+    entries = {"model": "m", "gravity": ["0", "-9.81 m/s^2"], "parameters": {"a": "1e-3", "b": 0.5}}
+    text = hamel.Model.from_dict(entries).yaml()
+    assert "gravity: [0, -9.81 m/s^2]" in text and "{a: 1e-3, b: 0.5}" in text
+    assert "'1:30'" in hamel.Model.from_dict({"model": "m", "description": "1:30"}).yaml()

@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "dd60b91b8e5985eeac7cba7e8dfe0c20"
+PROGRAM = "0b09f6210c2258f478cc0eccbbae37f9"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 1, 7
 DEFAULTS = np.array([0.2, 0.5, 0.4, 0.55, 1.0, 2.5, 2.0], dtype=float)

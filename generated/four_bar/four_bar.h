@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "dd60b91b8e5985eeac7cba7e8dfe0c20"
+#define FOUR_BAR_PROGRAM "0b09f6210c2258f478cc0eccbbae37f9"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1

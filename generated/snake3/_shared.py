@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-PROGRAM = "00fa2dbfb6b49c039de1de0b3f444968"
+PROGRAM = "17aefcc68463d12e8324c5c11241bcac"
 STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 2, 3
 DEFAULTS = np.array([0.3, 1.0, 0.0075], dtype=float)

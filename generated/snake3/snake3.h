@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "00fa2dbfb6b49c039de1de0b3f444968"
+#define SNAKE3_PROGRAM "17aefcc68463d12e8324c5c11241bcac"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2

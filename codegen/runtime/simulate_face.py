@@ -20,6 +20,7 @@ from .one_motion import Backend, Integration, controlled, follow
 from .simulation import Simulation, Stopped
 
 TIMES = "simulate() needs finite times that do not decrease"
+BEYOND_END = 1e-6  # of the end: what output times may be beyond it, for they are rounded
 
 
 @dataclass(frozen=True)
@@ -162,6 +163,14 @@ def _times(facts: Facts, request: Request) -> tuple[np.ndarray, np.ndarray]:
     decreasing = (t[..., 1:] < t[..., :-1]).any() or (t[..., 0] < start).any()
     if decreasing or not (np.isfinite(t).all() and np.isfinite(start).all()):
         raise ValueError(TIMES)
+    end, last = span[..., -1], t[..., -1]
+    if (
+        span.shape[-1] > 1
+        and (last > end + BEYOND_END * np.maximum(np.abs(end), np.abs(last))).any()
+    ):
+        raise ValueError(
+            f"simulate() needs times up to the end of t_span, {np.max(end)}, got {np.max(last)}"
+        )
     return start, t
 
 

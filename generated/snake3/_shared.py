@@ -88,7 +88,11 @@ def threaded(function, threads):
     """
     from concurrent.futures import ThreadPoolExecutor
 
-    name = function.__name__
+    name = getattr(function, "__name__", None)
+    if name not in FUNCTIONS:
+        raise TypeError(f"threaded() takes a function of the module, such as dynamics, not {function!r}")
+    if not isinstance(threads, (int, np.integer)):
+        raise TypeError(f"threaded() takes a number of threads, not {threads!r}")
     if threads < 1:
         raise ValueError(f"threaded() takes one thread or more, not {threads}")
 

@@ -253,6 +253,7 @@ def test_the_companion_says_how_far_it_may_be() -> None:
     ("ways", "message"),
     [
         ({"times": [2.0, 1.0]}, "finite times that do not decrease"),
+        ({"times": [0.0, 40.0]}, r"times up to the end of t_span, \S+, got 40.0"),
         ({"rtol": 0.0}, "tolerances above zero"),
         ({"integrator": "euler"}, "has no integrator 'euler' here; it has dop853, rk4, radau"),
         ({"integrator": "rk4"}, "needs a step_size for rk4"),

@@ -463,6 +463,10 @@ def test_batches_on_threads(module: ModuleType) -> None:
         module.threaded(module.dynamics, 2)(t, x)
     with pytest.raises(ValueError, match="one thread or more, not 0"):
         module.threaded(module.dynamics, 0)
+    with pytest.raises(TypeError, match="takes a function of the module, such as dynamics, not 3"):
+        module.threaded(3, 2)
+    with pytest.raises(TypeError, match="takes a number of threads, not 'two'"):
+        module.threaded(module.dynamics, "two")
 
 
 @needs_compiler

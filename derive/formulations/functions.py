@@ -23,7 +23,7 @@ from derive.formulations.motion import (
 )
 from derive.formulations.projection import constraint_violation, projection
 from derive.formulations.records import Argument, Function, Result
-from derive.formulations.rolled import recursion
+from derive.formulations.rolled.recursion import recursion
 from derive.mechanics.loops.records import Recursion
 from derive.mechanics.records import System
 from derive.mechanics.system import inertial_forces

@@ -3,7 +3,7 @@ grow, and what does not fit says so.
 
 Of codegen.passes: roll.
 Of codegen.targets: rolled.
-Of derive.formulations: factors, rolled.
+Of derive.formulations.rolled: columns, factors, recursion, rows, ways.
 Of derive.mechanics: templates.
 Of derive.mechanics.loops: forward_dynamics, frames, inverse_dynamics, products, records, sweeps.
 """
@@ -33,9 +33,9 @@ from codegen.passes.lanes import is_batched, most_lanes
 from codegen.passes.roll import FROM
 from codegen.program import Program, Rolled
 from derive.diagnostics import AssumptionError, VerificationError
-from derive.formulations.factors import factored
 from derive.formulations.limits import MOST_PARAMETRIC
 from derive.formulations.records import Equations
+from derive.formulations.rolled.factors import factored
 from hamel.build import pipeline, reuse
 from hamel.build.module import published
 from hamel.build.options import BuildOptions

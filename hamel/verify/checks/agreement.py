@@ -126,24 +126,29 @@ def positions(e: Evidence) -> float:
 
 def violation(e: Evidence) -> float | None:
     """The function `constraints`, φ above the lengths of quaternions above A v − c, on and off the
-    constraint surface, at the choice's own velocities."""
+    constraint surface, at the choice's own velocities and at others: a column of A does not show
+    where its velocity is zero at every admissible state."""
     if not e.graph.has("constraints"):
         return None
-    places = zip((s.state for s in e.samples), e.disturbed)
-    return worst(
-        [_violation_error(e, s, x, at) for s, x, two in zip(e.samples, e.x, places) for at in two]
-    )
+    rows = zip(e.samples, e.x, e.disturbed, e.astray)
+    return worst([worst(_violation_errors(e, *row)) for row in rows])
 
 
-def _violation_error(e: Evidence, s: Sample, x: Array, at: State) -> float:
-    moved = np.concatenate([at.q, x[len(s.q) :]])
-    there = state_of(e.reference, s.t, at.q, e.graph("velocity", s.t, moved, s.u, s.p), s.u, s.full)
+def _violation_errors(e: Evidence, s: Sample, x: Array, beside: State, astray: Array) -> Array:
+    own, other = x[len(s.q) :], astray[len(s.q) :]
+    places = [(s.q, own), (beside.q, own), (beside.q, other)]
+    return np.array([_violation_error(e, s, q, w) for q, w in places])
+
+
+def _violation_error(e: Evidence, s: Sample, q: Array, w: Array) -> float:
+    moved = np.concatenate([q, w])
+    there = state_of(e.reference, s.t, q, e.graph("velocity", s.t, moved, s.u, s.p), s.u, s.full)
     k = e.kinematics(there)
-    lengths = np.array([at.q[i : i + 4] @ at.q[i : i + 4] - 1.0 for i in e.system.quaternions])
+    lengths = np.array([q[i : i + 4] @ q[i : i + 4] - 1.0 for i in e.system.quaternions])
     wanted = np.concatenate([k.phi, lengths, k.violation(there.v)])
     size = np.concatenate(
         [
-            np.maximum(1e-2 * e.units.positions + np.abs(k.phi), _reach(e, at)),
+            np.maximum(1e-2 * e.units.positions + np.abs(k.phi), _reach(e, q)),
             1e-2 + np.abs(lengths),
             np.maximum(e.units.rows + np.abs(k.A) @ np.abs(there.v), _products(e, k.A, there.v)),
         ]
@@ -157,10 +162,10 @@ def _products(e: Evidence, A: Array, v: Array) -> float:
     return ROUNDING / TERMS * worst(A * e.units.v) * float(np.abs(v / e.units.v).sum())
 
 
-def _reach(e: Evidence, at: State) -> float:
+def _reach(e: Evidence, q: Array) -> float:
     """The same of φ: the way from where the coordinates are zero."""
     largest = float(np.max(e.units.positions, initial=0.0))
-    return ROUNDING / TERMS * largest * (1.0 + worst(at.q / e.units.q))
+    return ROUNDING / TERMS * largest * (1.0 + worst(q / e.units.q))
 
 
 def velocities(e: Evidence) -> float:

@@ -89,8 +89,11 @@ def along_constraints(e: Evidence) -> float | None:
 
 
 def _growth(e: Evidence, k: int) -> float:
-    """How much rounding may grow beyond what the tolerance is given for."""
-    return min(max(1.0, e.conditions[k] * PER_CONDITION), LOOSEST)
+    """How much rounding may grow beyond what the tolerance is given for: derivatives of what is
+    solved for, −M⁻¹ M′ M⁻¹ f, have the condition in them twice."""
+    condition = e.conditions[k]
+    twice = np.finfo(float).eps * condition**2 / EXACT
+    return min(max(1.0, condition * PER_CONDITION, twice), LOOSEST)
 
 
 def _regular(e: Evidence, name: str) -> list[int]:

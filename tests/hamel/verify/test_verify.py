@@ -58,6 +58,17 @@ loads:
   rope: {type: spring, between: [ground, b], at: [[3, 0], [0, 0.3]], stiffness: 10, length: 0.4, damping: 0.7}
 outputs: {tip: "position(b, [1 m, 0.2 m])", speed: "velocity(b, [1 m, 0.2 m])", turn: angle(b)}
 """
+STUCK = """
+model: stuck
+bodies: {a: {mass: 1 kg}, b: {mass: 2 kg}, c: {mass: 1 kg, inertia: [0.1, 0.1, 0.2]}}
+joints:
+  A: {type: prismatic, axis: x, parent: ground, child: a, coordinate: x}
+  B: {type: prismatic, axis: y, parent: a, child: b, coordinate: y}
+  C: {type: revolute, axis: z, parent: b, child: c, coordinate: turn}
+constraints:
+  stays: {holonomic: x}
+  rolls: {nonholonomic: "der(y) - (0.4 m)*der(turn) + 0.2*der(x)"}
+"""
 FAMILIES = {
     "tree": ARM, "rheonomic": CAR_AXIS, "everything": EVERYTHING, "redundant": REDUNDANT, "standing": STANDING,
 }  # fmt: skip
@@ -286,6 +297,23 @@ def test_wrong_matrices_of_the_page_are_caught(seen):
     assert {"A S = 0", "B S = 1"} <= caught["S"]
     assert caught["A"] & {"A S = 0", "A R = 1"}
     assert caught["B"] & {"B S = 1", "B R = 0"}
+
+
+def test_a_wrong_column_of_a_velocity_that_is_always_zero_is_caught():
+    model = load_text(STUCK)
+    chosen = with_linearization(equations(system(model), None, "augmented"))
+    sound = evidence(reference(model), chosen, None, FEW, 0)
+    assert not red(sound)
+    function = chosen.function("constraints")
+    still = chosen.arguments[1].symbols[chosen.arguments[1].labels.index("x_dot")]
+    (row,) = (k for k, name in enumerate(function.result.labels) if name == "velocity rolls")
+    value = ca.SX(function.result.value)
+    value[row] += 0.3 * still
+    wrong = replace(function, result=replace(function.result, value=value))
+    functions = tuple(wrong if f.name == "constraints" else f for f in chosen.functions)
+    assert "constraints" in red(
+        replace(sound, graph=evaluator(replace(chosen, functions=functions)))
+    )
 
 
 def test_a_state_that_is_not_the_inverse_of_the_velocity_is_caught(seen):

@@ -1,4 +1,5 @@
-"""Joint forces that are alike: one formula for many joints, with constants and inputs in tables.
+"""Formulas of joints that are alike: one formula for many joints, with constants and inputs in
+tables.
 
 Two formulas are alike where they differ in numbers, in parameters and in which input stands in
 them. What has neither coordinate nor velocity, input nor time in it counts as one constant.
@@ -6,7 +7,7 @@ them. What has neither coordinate nor velocity, input nor time in it counts as o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +25,8 @@ Q, V, INPUT, TIME = range(4)  # what a leaf is, besides
 @dataclass(frozen=True)
 class Formula:
     """`key` is the same for formulas that are alike; `constants` and `inputs` (entries of u) stand
-    in it from left to right. `joints` are the coordinates and the velocities it takes."""
+    in it from left to right. `joints` are the coordinates and the velocities it takes: in the key
+    they are counted joint by joint."""
 
     key: Key
     constants: tuple[Scalar, ...] = ()
@@ -32,18 +34,36 @@ class Formula:
     joints: frozenset[tuple[int, int]] = frozenset()
 
 
-def formulas(values: ca.SX, t: ca.SX, q: ca.SX, v: ca.SX, u: ca.SX, p: ca.SX) -> list[Formula]:
+@dataclass(frozen=True)
+class Slots:
+    """The arguments of formulas, and the number of every coordinate and velocity in its joint."""
+
+    t: ca.SX
+    q: ca.SX
+    v: ca.SX
+    u: ca.SX
+    p: ca.SX
+    coordinates: Mapping[int, int]
+    velocities: Mapping[int, int]
+
+
+def formulas(values: ca.SX, slots: Slots) -> list[Formula]:
     """The formula of each entry of a column."""
-    function = ca.Function("forces", [q, v, u, t, p], [ca.densify(values)])
+    given = [slots.q, slots.v, slots.u, slots.t, slots.p]
+    function = ca.Function("forces", given, [ca.densify(values)])
+    numbers = (slots.coordinates, slots.velocities)
 
     def entry(argument: int, nonzero: int) -> Formula:
         """A leaf."""
         if argument == 4:
-            return Formula(CONSTANT, (p[nonzero],))
+            return Formula(CONSTANT, (slots.p[nonzero],))
         if argument == INPUT:
             return Formula((INPUT,), inputs=(nonzero,))
-        joints = frozenset([(argument, nonzero)] if argument != TIME else [])
-        return Formula((argument,), joints=joints)
+        if argument == TIME:
+            return Formula((TIME,))
+        return Formula(
+            (argument, numbers[argument][nonzero]), joints=frozenset([(argument, nonzero)])
+        )
 
     return run(listing(function), entry, lambda x: Formula(CONSTANT, (x,)), _operation)[0]
 
@@ -70,23 +90,34 @@ def _applied(code: int, operands: Sequence[Scalar]) -> Scalar:
     return float(results) if all(isinstance(x, float) for x in operands) else ca.SX(results)
 
 
-def check_own(formula: Formula, coordinate: int, velocity: int, joint: str) -> None:
+def check_own(
+    formula: Formula, coordinates: Collection[int], velocities: Collection[int], joint: str
+) -> None:
     """A joint's force may depend on that joint alone. Raises AssumptionError."""
-    if not formula.joints <= {(Q, coordinate), (V, velocity)}:
+    own = {*((Q, k) for k in coordinates), *((V, k) for k in velocities)}
+    if not formula.joints <= own:
         raise AssumptionError(f"a force at {joint} depends on other joints, too")
 
 
-def written(key: Key, q: ca.SX, v: ca.SX, t: ca.SX, constants: Vector, inputs: Vector) -> Scalar:
-    """The formula over these symbols."""
-    return _written(key, (q, v, t), iter(constants), iter(inputs))
+def written(
+    key: Key, q: Sequence[ca.SX], v: Sequence[ca.SX], t: ca.SX, constants: Vector, inputs: Vector
+) -> Scalar:
+    """The formula over these symbols: coordinates and velocities of one joint."""
+    return _written(key, (q, v), t, iter(constants), iter(inputs))
 
 
 def _written(
-    key: Key, of: tuple[ca.SX, ca.SX, ca.SX], constants: Iterator[Scalar], inputs: Iterator[Scalar]
+    key: Key,
+    of: tuple[Sequence[ca.SX], Sequence[ca.SX]],
+    t: ca.SX,
+    constants: Iterator[Scalar],
+    inputs: Iterator[Scalar],
 ) -> Scalar:
     if key == CONSTANT:
         return next(constants)
     if len(key) == 1:
-        return next(inputs) if key[0] == INPUT else of[{Q: 0, V: 1, TIME: 2}[key[0]]]
-    operands = [_written(inner, of, constants, inputs) for inner in key[1:]]
+        return next(inputs) if key[0] == INPUT else t
+    if isinstance(key[1], int):
+        return of[key[0]][key[1]]
+    operands = [_written(inner, of, t, constants, inputs) for inner in key[1:]]
     return _applied(key[0], operands)

@@ -4,6 +4,7 @@ stands in the tables. The formulas are those of `derive.mechanics.loops`."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 
 import casadi as ca
 import numpy as np
@@ -12,19 +13,30 @@ from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.limits import MOST_KINDS, MOST_PARAMETRIC
 from derive.formulations.rolled.columns import Factors, signature, stacked, together
-from derive.formulations.rolled.rows import NAMES, Own, Row, Sort, exact, frames_of, number, row_of
+from derive.formulations.rolled.rows import (
+    NAMES,
+    Array,
+    Own,
+    Row,
+    Sort,
+    exact,
+    frames_of,
+    number,
+    orientation,
+    row_of,
+)
 from derive.formulations.rolled.ways import WAYS, AtLink, Places
-from derive.joints.rotations import is_zero, plus
+from derive.joints.rotations import is_one, plus
 from derive.mechanics.loops.records import Joint, Kind, Recursion
 from derive.mechanics.records import Link, System
-from derive.mechanics.templates import check_own, formulas, written
+from derive.mechanics.templates import Slots, check_own, formulas, written
 from derive.model.load_records import Exhaust
 
 
 def recursion(system: System, function: str = "dynamics", otherwise: str = "") -> Recursion:
-    """The loops of a function of a tree of turning and sliding links. Raises AssumptionError, with
-    the reason, for what has other joints, is closed, or has forces that act between joints; and
-    with `otherwise`, where that is said."""
+    """The loops of a function of a tree. Raises AssumptionError, with the reason, for what has
+    joints with Euler angles or screws, is closed, or has forces that act between joints; and with
+    `otherwise`, where that is said."""
     _check(system)
     if otherwise:
         raise AssumptionError(otherwise)
@@ -32,25 +44,26 @@ def recursion(system: System, function: str = "dynamics", otherwise: str = "") -
     links, order = system.links, _order(system.links)
     frames, ground = frames_of(links, order)
     coordinates = _coordinates(system)
-    acting = formulas(way.force(system), system.t, system.q, system.v, system.u, system.p)
-    rotors = ca.diag(system.M_extra)
-    rows: list[Row] = []
+    own = _own(system, coordinates, frames, way.force(system))
     place = {i: k for k, i in enumerate(order)} | {-1: -1}
-    for i in order:
-        (j,) = links[i].columns
-        check_own(acting[j], coordinates[j], j, links[i].name)
-        own = Own(acting[j], rotors[j], system.q[coordinates[j]])
-        rows.append(row_of(links, i, frames, ground, own, place[i] == place[links[i].parent] + 1))
-    at_link = AtLink.with_inputs(max(len(row.inputs) for row in rows))
+    rows = [
+        row_of(system, i, frames, ground, own[i], place[i] == place[links[i].parent] + 1)
+        for i in order
+    ]
+    at_link = AtLink.with_most(
+        max(len(own[i].q) for i in order),
+        max(len(links[i].columns) for i in order),
+        max(len(row.inputs) for row in rows),
+    )
     factors = Factors(system)
     kinds, kinds_of, rows_of, joints = _kinds(system, rows, at_link, factors)
     gravity = ground.T @ np.array([number(x, "gravity") for x in system.gravity])
     loops, row = way.sweeps(joints, [exact(x) for x in gravity], at_link)
     places = Places(
-        len(coordinates),
-        system.u.numel(),
-        tuple(coordinates[links[i].columns[0]] for i in order),
-        tuple(links[i].columns[0] for i in order),
+        system.q.numel(),
+        system.v.numel(),
+        tuple(own[i].q for i in order),
+        tuple(links[i].columns for i in order),
         tuple(row.inputs for row in rows),
     )
     return Recursion(
@@ -60,7 +73,7 @@ def recursion(system: System, function: str = "dynamics", otherwise: str = "") -
         indices=places.state | places.inputs("input", 0) | way.indices(places),
         reads=(*at_link.reads, *way.reads(at_link)),
         kinds=kinds,
-        angles=tuple(None if x.slides else plus(x.q, x.offset) for x in joints),
+        angles=tuple(x.angle for x in joints),
         sweeps=loops,
         t=system.t,
         row=row.symbols,
@@ -74,17 +87,11 @@ def recursion(system: System, function: str = "dynamics", otherwise: str = "") -
 
 
 def _check(system: System) -> None:
-    """A tree of joints with one velocity each, that turns or slides along one axis."""
+    """A tree, and nothing that lies between its joints."""
     if system.rows or system.phi.numel():
         raise AssumptionError("it has constraints")
     if not system.links:
         raise AssumptionError("nothing moves")
-    for link in system.links:
-        if len(link.columns) != 1:
-            raise AssumptionError(f"{link.name} has {len(link.columns)} degrees of freedom")
-        angular, linear = link.motion[0][:3], link.motion[0][3:]
-        if not (all(map(is_zero, angular)) or all(map(is_zero, linear))):
-            raise AssumptionError(f"{link.name} turns and slides at once")
     rows, columns = system.M_extra.sparsity().get_triplet()
     if rows != columns:
         raise AssumptionError("inertia couples joints that do not follow each other")
@@ -94,15 +101,50 @@ def _check(system: System) -> None:
         raise AssumptionError("a kinetic energy given by formula is not constant")
 
 
-def _coordinates(system: System) -> dict[int, int]:
-    """By velocity the coordinate whose rate it is."""
-    rows, columns = system.N.sparsity().get_triplet()
-    plain = len(rows) == system.v.numel() == system.q.numel()
-    if not (plain and system.N.is_constant() and len(set(rows)) == len(set(columns)) == len(rows)):
-        raise AssumptionError("a velocity is not the rate of a coordinate")
-    if not all(float(system.N[i, j]) == 1.0 for i, j in zip(rows, columns)):
-        raise AssumptionError("a velocity is not the rate of a coordinate")
-    return dict(zip(columns, rows))
+def _coordinates(system: System) -> list[tuple[int, ...]]:
+    """By link the coordinates whose rates its velocities make: of one velocity the one that it is
+    the rate of."""
+    rates: list[list[int]] = [[] for _ in range(system.v.numel())]
+    for row, column in zip(*system.N.sparsity().get_triplet()):
+        rates[column].append(row)
+    found = [tuple(sorted({k for j in x.columns for k in rates[j]})) for x in system.links]
+    for link, own in zip(system.links, found):
+        single = len(link.columns) == 1
+        if single and not (len(own) == 1 and is_one(system.N[own[0], link.columns[0]])):
+            raise AssumptionError("a velocity is not the rate of a coordinate")
+    if sorted(k for own in found for k in own) != list(range(system.q.numel())):
+        raise AssumptionError("a coordinate belongs to several joints")
+    return found
+
+
+def _own(
+    system: System, coordinates: Sequence[tuple[int, ...]], frames: Sequence[Array], force: ca.SX
+) -> list[Own]:
+    """By link what belongs to its joint."""
+    rotors = ca.diag(system.M_extra)
+    several = [i for i, link in enumerate(system.links) if len(link.columns) > 1]
+    rates = ca.mtimes(system.N, system.v) if several else ca.SX(0, 1)
+    values: list[Scalar] = [*ca.vertsplit(ca.densify(force))]
+    places: dict[int, range] = {}
+    for i in several:
+        turned = orientation(system.links[i], frames[i]) or []
+        more = [*(rates[k] for k in coordinates[i]), *(x for line in turned for x in line)]
+        places[i] = range(len(values), len(values) + len(more))
+        values += more
+    slots = Slots(
+        system.t, system.q, system.v, system.u, system.p,
+        {k: n for own in coordinates for n, k in enumerate(own)},
+        {j: n for link in system.links for n, j in enumerate(link.columns)},
+    )  # fmt: skip
+    found = formulas(ca.SX(ca.vertcat(*values)), slots)
+    result: list[Own] = []
+    for i, (link, own) in enumerate(zip(system.links, coordinates)):
+        places_of = [*link.columns, *places.get(i, ())]
+        for k in places_of:
+            check_own(found[k], own, link.columns, link.name)
+        rotor = tuple(rotors[j] for j in link.columns)
+        result.append(Own(own, tuple(found[k] for k in places_of), rotor))
+    return result
 
 
 def _order(links: Sequence[Link]) -> list[int]:
@@ -168,32 +210,59 @@ def _kind(
         columns, values = together(table)
     symbols = stacked([symbol for symbol, _ in columns])
     rows = tuple(zip(*(column for _, column in columns))) if columns else ((),) * len(table)
-    inputs: Vector = [at_link.u[k] for k in range(sort.inputs)]
-    tau = written(sort.force, at_link.q, at_link.v, system.t, values[len(NAMES) :], inputs)
-    about = ("sliding" if sort.slides else "turning") + (", further child" if sort.further else "")
-    kind = Kind(about, symbols, rows)
-    return kind, _joint(sort.slides, dict(zip(NAMES, values)), at_link.q, at_link.v, tau)
+    about = sort.shape.about + (", further child" if sort.further else "")
+    return Kind(about, symbols, rows), _joint(sort, values, system.t, at_link)
 
 
 def _is_parametric(values: Sequence[Scalar]) -> bool:
     return not all(isinstance(x, float) for x in values)
 
 
-def _joint(slides: bool, of: dict[str, Scalar], q: ca.SX, v: ca.SX, tau: Scalar) -> Joint:
-    tensor = [[of["I" + "".join(sorted("xyz"[a] + "xyz"[b]))] for b in range(3)] for a in range(3)]
+def _joint(sort: Sort, values: Sequence[Scalar], t: ca.SX, at_link: AtLink) -> Joint:
+    """With the first symbols of what is at the link."""
+    shape = sort.shape
+    named, count, many = dict(zip(NAMES, values)), len(shape.axes), len(shape.shifts)
+    q, v = ca.vertsplit(at_link.q)[:many], ca.vertsplit(at_link.v)[:count]
+    rest = values[len(NAMES) :]
+    written_out = _written(sort, rest[count:], t, q, v, at_link.u)
+    tau, others = written_out[:count], written_out[count:]
+    rates = others[:many] if others else [*v]
+    entries = others[many:]
+    moves = [[x for x, axis in zip(q, shape.shifts) if axis == k] for k in range(3)]
+    tensor = [
+        [named["I" + "".join(sorted("xyz"[a] + "xyz"[b]))] for b in range(3)] for a in range(3)
+    ]
     return Joint(
-        slides=slides,
-        q=q,
-        v=v,
+        axes=shape.axes,
+        q=tuple(q),
+        v=tuple(v),
+        rates=rates,
         tau=tau,
-        rotor=of["rotor"],
-        offset=of["offset"],
-        sine=of["sine"],
-        cosine=of["cosine"],
-        alpha=(of["sin_alpha"], of["cos_alpha"]),
-        gamma=(of["sin_gamma"], of["cos_gamma"]),
-        place=[of["px"], of["py"], of["pz"]],
-        mass=of["m"],
-        moment=[of["mx"], of["my"], of["mz"]],
+        rotor=[*rest[:count]],
+        angle=plus(q[shape.angle], named["offset"]) if shape.angle >= 0 else None,
+        turned=[entries[3 * i : 3 * i + 3] for i in range(3)] if shape.turned else None,
+        shift=[x[0] if x else 0.0 for x in moves],
+        alpha=(named["sin_alpha"], named["cos_alpha"]),
+        beta=(named["sin_beta"], named["cos_beta"]),
+        gamma=(named["sin_gamma"], named["cos_gamma"]),
+        place=[named["px"], named["py"], named["pz"]],
+        mass=named["m"],
+        moment=[named["mx"], named["my"], named["mz"]],
         tensor=tensor,
     )
+
+
+def _written(
+    sort: Sort,
+    constants: Sequence[Scalar],
+    t: ca.SX,
+    q: Sequence[ca.SX],
+    v: Sequence[ca.SX],
+    u: ca.SX,
+) -> Vector:
+    """The formulas of a kind over these symbols."""
+    left, inputs = iter(constants), iter(ca.vertsplit(u))
+    return [
+        written(key, q, v, t, [*islice(left, many)], [*islice(inputs, taken)])
+        for key, many, taken in zip(sort.keys, sort.constants, sort.inputs)
+    ]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from derive.expressions.scalars import Vector
-from derive.mechanics.loops.forward_dynamics import forward_dynamics
+from derive.mechanics.loops.forward_dynamics import forward_dynamics, numbered_name
 from derive.mechanics.loops.inverse_dynamics import inverse_dynamics
 from derive.mechanics.loops.products import Along, Weights, adjoint_product, forward_product
 from derive.mechanics.loops.records import Joint, Read, Sweep
@@ -18,8 +18,8 @@ from derive.mechanics.records import System
 
 @dataclass(frozen=True)
 class AtLink:
-    """What stands for the numbers of the link at hand: its state, its inputs, of which kinds take
-    the first ones, and what a function is given besides."""
+    """What stands for the numbers of the link at hand: its state and its inputs, of which kinds
+    take the first ones, and what a function is given besides."""
 
     q: ca.SX
     v: ca.SX
@@ -32,31 +32,50 @@ class AtLink:
     y_v: ca.SX
 
     @classmethod
-    def with_inputs(cls, inputs: int) -> AtLink:
-        """With as many inputs as a link has at most."""
-        names = ("q", "v", "u", "rate", "dq", "dv", "du", "y_q", "y_v")
-        sizes = {"u": inputs, "du": inputs}
-        return cls(*(ca.SX.sym(name, sizes.get(name, 1)) for name in names))
+    def with_most(cls, coordinates: int, velocities: int, inputs: int) -> AtLink:
+        """With as many of each as a link has at most."""
+        q, v, u = (dict.fromkeys(names.split(), size) for names, size in (
+            ("q dq y_q", coordinates), ("v rate dv y_v", velocities), ("u du", inputs),
+        ))  # fmt: skip
+        return cls(**{name: ca.SX.sym(name, size) for name, size in (q | v | u).items()})
 
     @property
     def reads(self) -> tuple[Read, ...]:
         """Of the state and the inputs."""
         return (
-            Read("q", self.q, "x", "coordinate"),
-            Read("v", self.v, "x", "velocity"),
-            *(Read(f"u{k}", self.u[k], "u", f"input{k}") for k in range(self.u.numel())),
+            *each("q", self.q, "x", "coordinate"),
+            *each("v", self.v, "x", "velocity"),
+            *_inputs("u", self.u, "u", "input"),
         )
+
+
+def each(name: str, symbols: ca.SX, argument: str, index: str) -> tuple[Read, ...]:
+    """A number for each coordinate or velocity of a joint."""
+    return tuple(
+        Read(numbered_name(name, k), symbols[k], argument, numbered_name(index, k))
+        for k in range(symbols.numel())
+    )
+
+
+def _inputs(name: str, symbols: ca.SX, argument: str, index: str) -> tuple[Read, ...]:
+    numbers = range(symbols.numel())
+    return tuple(Read(f"{name}{k}", symbols[k], argument, f"{index}{k}") for k in numbers)
 
 
 @dataclass(frozen=True)
 class Places:
-    """By link its coordinate, velocity and inputs, among those of the system."""
+    """By link its coordinates, velocities and inputs, among those of the system."""
 
-    size: int  # of q, and of v
-    size_of_u: int
-    coordinates: tuple[int, ...]
-    velocities: tuple[int, ...]
+    size_of_q: int
+    size_of_v: int
+    coordinates: tuple[tuple[int, ...], ...]
+    velocities: tuple[tuple[int, ...], ...]
     of_inputs: tuple[tuple[int, ...], ...]
+
+    @property
+    def size(self) -> int:
+        """Of (q, v)."""
+        return self.size_of_q + self.size_of_v
 
     @property
     def state(self) -> dict[str, tuple[int, ...]]:
@@ -65,19 +84,29 @@ class Places:
 
     def like_state(self, q: str, v: str, first: int) -> dict[str, tuple[int, ...]]:
         """In (q, v) that begins there."""
-        return {q: _from(self.coordinates, first), v: _from(self.velocities, first + self.size)}
+        return self._of_joints(q, self.coordinates, first) | self.of_velocities(
+            v, first + self.size_of_q
+        )
+
+    def of_velocities(self, name: str, first: int) -> dict[str, tuple[int, ...]]:
+        """In what has an entry for each velocity and begins there."""
+        return self._of_joints(name, self.velocities, first)
+
+    def _of_joints(
+        self, name: str, places: tuple[tuple[int, ...], ...], first: int
+    ) -> dict[str, tuple[int, ...]]:
+        most = range(max(map(len, places)))
+        return {numbered_name(name, k): _from(places, k, first) for k in most}
 
     def inputs(self, name: str, first: int) -> dict[str, tuple[int, ...]]:
-        """In u that begins there; where a link has less of them, any."""
+        """In u that begins there."""
         most = max(map(len, self.of_inputs))
-        return {
-            f"{name}{k}": tuple(first + (own[k] if k < len(own) else 0) for own in self.of_inputs)
-            for k in range(most)
-        }
+        return {f"{name}{k}": _from(self.of_inputs, k, first) for k in range(most)}
 
 
-def _from(places: tuple[int, ...], first: int) -> tuple[int, ...]:
-    return tuple(first + place for place in places)
+def _from(places: tuple[tuple[int, ...], ...], k: int, first: int) -> tuple[int, ...]:
+    """Number k of each link; where a link has less of them, any."""
+    return tuple(first + (own[k] if k < len(own) else 0) for own in places)
 
 
 _Made = tuple[tuple[Sweep, ...], Rows]
@@ -115,15 +144,15 @@ WAYS: dict[str, Way] = {
     ),
     "bias": Way(
         _forces_of_a_potential,
-        lambda joints, gravity, own: inverse_dynamics(joints, gravity, 0.0),
+        lambda joints, gravity, own: inverse_dynamics(joints, gravity, [0.0] * own.rate.numel()),
         lambda own: (),
-        lambda at: {"force": at.velocities},
+        lambda at: at.of_velocities("force", 0),
     ),
     "inverse_dynamics": Way(
         _forces_without_inputs,
-        lambda joints, gravity, own: inverse_dynamics(joints, gravity, own.rate),
-        lambda own: (Read("a", own.rate, "x", "rate"),),
-        lambda at: {"force": at.velocities, "rate": _from(at.velocities, 2 * at.size)},
+        lambda joints, gravity, own: inverse_dynamics(joints, gravity, [*ca.vertsplit(own.rate)]),
+        lambda own: each("a", own.rate, "x", "rate"),
+        lambda at: at.of_velocities("force", 0) | at.of_velocities("rate", at.size),
     ),
     "dynamics_forward": Way(
         _all_forces,
@@ -131,13 +160,13 @@ WAYS: dict[str, Way] = {
             joints, gravity, Along(own.q, own.v, own.u, own.dq, own.dv, own.du)
         ),
         lambda own: (
-            Read("dq", own.dq, "x", "coordinate_change"),
-            Read("dv", own.dv, "x", "velocity_change"),
-            *(Read(f"du{k}", own.du[k], "x", f"input_change{k}") for k in range(own.du.numel())),
+            *each("dq", own.dq, "x", "coordinate_change"),
+            *each("dv", own.dv, "x", "velocity_change"),
+            *_inputs("du", own.du, "x", "input_change"),
         ),
         lambda at: (
-            at.like_state("coordinate_change", "velocity_change", 2 * at.size)
-            | at.inputs("input_change", 4 * at.size)
+            at.like_state("coordinate_change", "velocity_change", at.size)
+            | at.inputs("input_change", 2 * at.size)
         ),
     ),
     "dynamics_adjoint": Way(
@@ -146,12 +175,12 @@ WAYS: dict[str, Way] = {
             joints, gravity, Weights(own.q, own.v, own.u, own.y_q, own.y_v)
         ),
         lambda own: (
-            Read("y_q", own.y_q, "x", "coordinate_weight"),
-            Read("y_v", own.y_v, "x", "velocity_weight"),
+            *each("y_q", own.y_q, "x", "coordinate_weight"),
+            *each("y_v", own.y_v, "x", "velocity_weight"),
         ),
         lambda at: (
-            at.like_state("coordinate_weight", "velocity_weight", 2 * at.size)
-            | at.inputs("slope", 2 * at.size)
+            at.like_state("coordinate_weight", "velocity_weight", at.size)
+            | at.inputs("slope", at.size)
         ),
     ),
 }

@@ -6,8 +6,9 @@ acceleration of the origin minus gravity, all in the link's frame:
                   η_λ += Xᵀ (M̂ᵃ c + η + ψ φ/d)
     base to tip   μ = X (α_λ, a_λ) + c,   v̇ = φ/d − ψᵀ/d μ,   (α, a) = μ + e v̇
 
-with M̂, η the articulated inertia and bias wrench and c the velocity products. Sources: Featherstone
-1983; Saha 1999.
+with M̂, η the articulated inertia and bias wrench and c the velocity products. A joint of several
+velocities is one such elimination after the other in the same frame, and c is theirs together.
+Sources: Featherstone 1983; Saha 1999.
 """
 
 from __future__ import annotations
@@ -29,11 +30,13 @@ from derive.mechanics.articulated import Articulated
 from derive.mechanics.links import symmetric
 from derive.mechanics.loops.frames import arm, from_parent, to_parent, turned_matrix, turns
 from derive.mechanics.loops.records import Joint, Sweep, Visit
-from derive.mechanics.loops.sweeps import Rows, falling, rising, rows_of
+from derive.mechanics.loops.sweeps import Rows, falling, orientation, rising, rows_of
 
 ZERO: Vector = [0.0, 0.0, 0.0]
-# Where the values of a link stand that later sweeps read.
+# Where the values of a link stand that later sweeps read; those of further velocities of a joint
+# stand behind all others.
 OMEGA, BIAS, PSI, PHI = 2, 5, 8, 14
+FURTHER, EACH = 24, 11
 UPPER = [(i, j) for i in range(3) for j in range(i, 3)]
 WHOLE = [(i, j) for i in range(3) for j in range(3)]
 
@@ -56,48 +59,77 @@ def falls(gravity: Vector) -> Vector:
 
 
 def velocities(joint: Joint, row: Rows, received: Vector) -> Visit:
-    """ω and b."""
-    omega = from_parent(joint, row, received)
-    if not joint.slides:
-        omega = [*omega[:2], plus(omega[2], joint.v)]
-    bias = cross(received, cross(received, arm(joint, row)))
+    """ω and b, and the orientation where it is no single angle."""
+    omega = sum_of(from_parent(joint, row, received), relative(joint)[:3])
+    bias = cross(received, cross(received, arm(joint)))
     values = {OMEGA + k: x for k, x in enumerate(omega)} | {BIAS + k: x for k, x in enumerate(bias)}
-    return Visit(values, omega)
+    return Visit(values | orientation(joint), omega)
 
 
-def velocity_products(joint: Joint, row: Rows) -> tuple[Vector, Vector]:
-    """The part of c that is in the link's frame: of α and of a."""
-    omega = row.vector(OMEGA)
-    across = [dot([omega[1]], [joint.v]), -dot([omega[0]], [joint.v]), 0.0]
-    if joint.slides:
-        return list(ZERO), [times(2.0, x) if not is_zero(x) else 0.0 for x in across]
-    return across, list(ZERO)
+def relative(joint: Joint) -> Vector:
+    """The twist of the link against its parent, in its frame, angular first."""
+    of = dict(zip(joint.axes, joint.v))
+    return [of.get(k, 0.0) for k in range(6)]
+
+
+def velocity_products(omega: Vector, moved: Vector) -> tuple[Vector, Vector]:
+    """The part of c that is in the link's frame, for its twist (ω_r, v_r) against the parent: of α
+    ω × ω_r, of a (2 ω − ω_r) × v_r."""
+    turning, linear = moved[:3], moved[3:]
+    if all(map(is_zero, turning)):
+        return list(ZERO), [_twice(x) for x in cross(omega, linear)]
+    if all(map(is_zero, linear)):
+        return cross(omega, turning), list(ZERO)
+    both = [minus(_twice(x), y) for x, y in zip(omega, turning)]
+    return cross(omega, turning), cross(both, linear)
+
+
+def _twice(x: Scalar) -> Scalar:
+    return 0.0 if is_zero(x) else times(2.0, x)
 
 
 def _elimination(joint: Joint, row: Rows, received: Vector) -> Visit:
     return elimination(joint, row, received)[0]
 
 
-def elimination(joint: Joint, row: Rows, received: Vector) -> tuple[Visit, Scalar]:
-    """What is handed down, with ψ/d and φ/d kept; and d."""
+def elimination(joint: Joint, row: Rows, received: Vector) -> tuple[Visit, Vector]:
+    """What is handed down, with ψ/d and φ/d of each velocity kept; and each d."""
     body, n, f = _articulated(joint, row, received)
-    psi, d = _felt(joint, body)
-    plain = is_zero(joint.rotor)
-    along = axis_of(joint)
     wrench = [*n, *f]
-    phi = minus(joint.tau, wrench[along])
-    share: Vector = [0.0 if is_zero(x) else x / d for x in psi]
-    if plain:
-        share[along] = 1.0
-    pushed = phi / d
-    left = _without(body, psi, share, along if plain else -1)
-    wrench = sum_of(wrench, [dot([x], [pushed]) for x in psi])
-    if plain:
-        wrench[along] = joint.tau
-    c = velocity_products(joint, row)
-    wrench = sum_of(wrench, _applied(left, *c))
-    values = {PSI + k: x for k, x in enumerate(share)} | {PHI: pushed}
-    return Visit(values, _handed_down(joint, row, left, wrench)), d
+    kept: dict[int, Scalar] = {}
+    pivots: Vector = []
+    for k, along in enumerate(joint.axes):
+        psi, d = _felt(along, joint.rotor[k], body)
+        plain = is_zero(joint.rotor[k])
+        phi = minus(joint.tau[k], wrench[along])
+        share: Vector = [0.0 if is_zero(x) else x / d for x in psi]
+        if plain:
+            share[along] = 1.0
+        pushed = phi / d
+        body = _without(body, psi, share, along if plain else -1)
+        wrench = sum_of(wrench, [dot([x], [pushed]) for x in psi])
+        if plain:
+            wrench[along] = joint.tau[k]
+        kept |= dict(enumerate(share, further(PSI, k))) | {further(PHI, k): pushed}
+        pivots.append(d)
+    c = velocity_products(row.vector(OMEGA), relative(joint))
+    wrench = sum_of(wrench, _applied(body, *c))
+    return Visit(kept, _handed_down(joint, row, body, wrench)), pivots
+
+
+def further(place: int, k: int) -> int:
+    """Where that stands for velocity k of a joint."""
+    return place if k == 0 else FURTHER + EACH * (k - 1) + place - PSI
+
+
+def shares(joint: Joint, row: Rows) -> list[Vector]:
+    """ψ/d of each velocity."""
+    return [row.vector(further(PSI, k), 6) for k in range(len(joint.axes))]
+
+
+def of_each(joint: Joint, row: Rows, place: int) -> Vector:
+    """What stands there, of each velocity."""
+    return [row[further(place, k)] for k in range(len(joint.axes))]
 
 
 def _articulated(joint: Joint, row: Rows, received: Vector) -> tuple[Articulated, Vector, Vector]:
@@ -126,13 +158,13 @@ def _whole(entries: Sequence[Scalar]) -> Matrix:
     return [list(entries[3 * i : 3 * i + 3]) for i in range(3)]
 
 
-def _felt(joint: Joint, body: Articulated) -> tuple[Vector, Scalar]:
+def _felt(along: int, rotor: Scalar, body: Articulated) -> tuple[Vector, Scalar]:
     """ψ = M̂ e and d = eᵀ ψ, with a rotor."""
-    if joint.slides:
-        psi = [*(line[2] for line in body.C), *(line[2] for line in body.K)]
-        return psi, plus(psi[5], joint.rotor)
-    psi = [*(line[2] for line in body.J), *body.C[2]]
-    return psi, plus(psi[2], joint.rotor)
+    if along < 3:
+        psi = [*(line[along] for line in body.J), *body.C[along]]
+    else:
+        psi = [*(line[along - 3] for line in body.C), *(line[along - 3] for line in body.K)]
+    return psi, plus(psi[along], rotor)
 
 
 def _without(body: Articulated, psi: Vector, share: Vector, along: int) -> Articulated:
@@ -158,8 +190,9 @@ def _handed_down(joint: Joint, row: Rows, body: Articulated, wrench: Vector) -> 
     """Turned into the parent's axes, with M̂ᵃ b, then shifted to its origin: C' = C + [p]× K,
     J' = J + [p]× Cᵀ − C' [p]×, n' = n + p × f."""
     n, f = (to_parent(joint, row, x) for x in (wrench[:3], wrench[3:]))
-    turned = [_turned_about(joint, row, M) for M in (body.J, body.C, body.K)]
-    bias, p = row.vector(BIAS), arm(joint, row)
+    J, C, K = (_turned_about(joint, row, M) for M in (body.J, body.C, body.K))
+    turned = [symmetric(lambda i, j: J[i][j]), C, symmetric(lambda i, j: K[i][j])]
+    bias, p = row.vector(BIAS), arm(joint)
     n = sum_of(n, [dot(line, bias) for line in turned[1]])
     f = sum_of(f, [dot(line, bias) for line in turned[2]])
     seen = _shifted(Articulated(*turned), p)
@@ -169,8 +202,8 @@ def _handed_down(joint: Joint, row: Rows, body: Articulated, wrench: Vector) -> 
 
 
 def _turned_about(joint: Joint, row: Rows, matrix: Matrix) -> Matrix:
-    for axis, s, c in turns(joint, row):
-        matrix = turned_matrix(matrix, axis, s, c)
+    for turn in turns(joint, row):
+        matrix = turned_matrix(matrix, turn)
     return matrix
 
 
@@ -185,28 +218,36 @@ def _shifted(body: Articulated, p: Vector) -> Articulated:
 
 
 def _accelerations(joint: Joint, row: Rows, received: Vector) -> Visit:
-    mu, rate = solved(joint, row, acceleration(joint, row, received), row[PHI])
-    return Visit({}, mu, {"coordinate": joint.v, "velocity": rate})
+    mu, rates = solved(joint, row, acceleration(joint, row, received), of_each(joint, row, PHI))
+    return Visit({}, mu, numbered("coordinate", joint.rates) | numbered("velocity", rates))
+
+
+def numbered(name: str, values: Sequence[Scalar]) -> dict[str, Scalar]:
+    """Results of a joint: those of its first coordinate or velocity bear the name itself."""
+    return {numbered_name(name, k): x for k, x in enumerate(values)}
+
+
+def numbered_name(name: str, k: int) -> str:
+    """Of what is read or given for coordinate or velocity k of a joint."""
+    return f"{name}{k}" if k else name
 
 
 def acceleration(joint: Joint, row: Rows, received: Vector) -> Vector:
     """μ = X (α_λ, a_λ) + c."""
     alpha, a = received[:3], received[3:]
-    a = sum_of(sum_of(a, row.vector(BIAS)), cross(alpha, arm(joint, row)))
-    c = velocity_products(joint, row)
+    a = sum_of(sum_of(a, row.vector(BIAS)), cross(alpha, arm(joint)))
+    c = velocity_products(row.vector(OMEGA), relative(joint))
     return [
         *sum_of(from_parent(joint, row, alpha), c[0]),
         *sum_of(from_parent(joint, row, a), c[1]),
     ]
 
 
-def solved(joint: Joint, row: Rows, mu: Vector, pushed: Scalar) -> tuple[Vector, Scalar]:
-    """μ + e x and x = φ/d − ψᵀ/d μ, the joint's entry of the solution."""
-    x = minus(pushed, dot(row.vector(PSI, 6), mu))
-    along = axis_of(joint)
-    return [plus(e, x) if k == along else e for k, e in enumerate(mu)], x
-
-
-def axis_of(joint: Joint) -> int:
-    """Of six entries, angular first, the one along the joint."""
-    return 5 if joint.slides else 2
+def solved(joint: Joint, row: Rows, mu: Vector, pushed: Vector) -> tuple[Vector, Vector]:
+    """μ + e x and x = φ/d − ψᵀ/d μ, the joint's entries of the solution: what was eliminated last
+    comes first."""
+    found: dict[int, Scalar] = {}
+    for k, along in reversed([*enumerate(joint.axes)]):
+        found[k] = minus(pushed[k], dot(row.vector(further(PSI, k), 6), mu))
+        mu = [plus(e, found[k]) if i == along else e for i, e in enumerate(mu)]
+    return mu, [found[k] for k in range(len(joint.axes))]

@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
-from derive.joints.rotations import dot, is_one, is_zero, minus, plus, sum_of
+from derive.joints.rotations import (
+    dot,
+    is_one,
+    is_zero,
+    minus,
+    plus,
+    product,
+    rotated,
+    sum_of,
+    transpose,
+)
 from derive.mechanics.loops.records import Joint
-from derive.mechanics.loops.sweeps import COSINE, SINE, Rows
+from derive.mechanics.loops.sweeps import COSINE, SINE, TURNED, Rows
+
+Turn = tuple[int, Scalar, Scalar]  # axis, sine, cosine
 
 
 def _turned(x: Vector, axis: int, s: Scalar, c: Scalar) -> Vector:
@@ -19,8 +31,15 @@ def _turned(x: Vector, axis: int, s: Scalar, c: Scalar) -> Vector:
     return result
 
 
-def turned_matrix(M: Matrix, axis: int, s: Scalar, c: Scalar) -> Matrix:
-    """R M Rᵀ. With k = s (M₁₁ − M₂₂) + c (M₁₂ + M₂₁) in the plane that turns: M₁₁ − s k, M₂₂ + s k,
+def turned_matrix(M: Matrix, turn: Turn | Matrix) -> Matrix:
+    """R M Rᵀ."""
+    if isinstance(turn, list):
+        return product(product(turn, M), transpose(turn))
+    return _turned_matrix(M, *turn)
+
+
+def _turned_matrix(M: Matrix, axis: int, s: Scalar, c: Scalar) -> Matrix:
+    """With k = s (M₁₁ − M₂₂) + c (M₁₂ + M₂₁) in the plane that turns: M₁₁ − s k, M₂₂ + s k,
     c k − M₂₁, c k − M₁₂."""
     if is_zero(s) and is_one(c):
         return M
@@ -39,27 +58,44 @@ def _pair(x: Scalar, y: Scalar, s: Scalar, c: Scalar) -> tuple[Scalar, Scalar]:
     return minus(dot([c], [x]), dot([s], [y])), plus(dot([s], [x]), dot([c], [y]))
 
 
-def turns(joint: Joint, row: Rows) -> list[tuple[int, Scalar, Scalar]]:
-    """(axis, sine, cosine), in the order in which a child's values are turned into its parent."""
-    return [(2, row[SINE], row[COSINE]), (0, *joint.alpha), (2, *joint.gamma)]
+def turns(joint: Joint, row: Rows) -> list[Turn | Matrix]:
+    """In the order in which a child's values are turned into its parent."""
+    first: list[Turn | Matrix] = []
+    if joint.turned is not None:
+        entries = row.vector(TURNED, 9)
+        first = [[entries[3 * i : 3 * i + 3] for i in range(3)]]
+    elif joint.angle is not None:
+        first = [(2, row[SINE], row[COSINE])]
+    return [*first, *_placement(joint)]
+
+
+def _placement(joint: Joint) -> list[Turn]:
+    return [(2, *joint.beta), (0, *joint.alpha), (2, *joint.gamma)]
 
 
 def to_parent(joint: Joint, row: Rows, x: Vector) -> Vector:
     """A vector in the parent's axes."""
-    for axis, s, c in turns(joint, row):
-        x = _turned(x, axis, s, c)
+    for turn in turns(joint, row):
+        x = rotated(turn, x) if isinstance(turn, list) else _turned(x, *turn)
     return x
 
 
 def from_parent(joint: Joint, row: Rows, x: Vector) -> Vector:
     """A vector in the link's axes."""
-    for axis, s, c in reversed(turns(joint, row)):
-        x = _turned(x, axis, -s, c)
+    for turn in reversed(turns(joint, row)):
+        if isinstance(turn, list):
+            x = rotated(transpose(turn), x)
+        else:
+            axis, s, c = turn
+            x = _turned(x, axis, -s, c)
     return x
 
 
-def arm(joint: Joint, row: Rows) -> Vector:
+def arm(joint: Joint) -> Vector:
     """The link's origin in its parent's frame."""
-    if not joint.slides:
+    shift = joint.shift
+    if all(map(is_zero, shift)):
         return joint.place
-    return sum_of(joint.place, to_parent(joint, row, [0.0, 0.0, joint.q]))
+    for turn in _placement(joint):
+        shift = _turned(shift, *turn)
+    return sum_of(joint.place, shift)

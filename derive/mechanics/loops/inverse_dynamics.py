@@ -14,19 +14,26 @@ from collections.abc import Sequence
 from functools import partial
 
 from derive.expressions.scalars import Scalar, Vector
-from derive.joints.rotations import cross, dot, is_zero, minus, plus, scaled, sum_of, times
-from derive.mechanics.loops.forward_dynamics import ZERO, axis_of, falls
+from derive.joints.rotations import cross, dot, minus, plus, scaled, sum_of
+from derive.mechanics.loops.forward_dynamics import (
+    ZERO,
+    falls,
+    numbered,
+    relative,
+    velocity_products,
+)
 from derive.mechanics.loops.frames import arm, from_parent, to_parent
 from derive.mechanics.loops.records import Joint, Sweep, Visit
-from derive.mechanics.loops.sweeps import Rows, falling, rising, rows_of
+from derive.mechanics.loops.sweeps import Rows, falling, orientation, rising, rows_of
 
 WRENCH = 2  # where the link's own stands
 
 
 def inverse_dynamics(
-    joints: Sequence[Joint], gravity: Vector, rate: Scalar
+    joints: Sequence[Joint], gravity: Vector, rate: Vector
 ) -> tuple[tuple[Sweep, ...], Rows]:
-    """The two loops for these kinds; `rate` is v̇ of the link at hand, 0 for the bias."""
+    """The two loops for these kinds; `rate` is v̇ of the link at hand, of as many
+    velocities as a joint has at most: zeros for the bias."""
     rows = rows_of(joints)
     start = [*ZERO, *falls(gravity)]
     sweeps = (
@@ -36,22 +43,28 @@ def inverse_dynamics(
     return sweeps, rows[0]
 
 
-def _motion(rate: Scalar, joint: Joint, row: Rows, received: Vector) -> Visit:
+def _motion(rate: Vector, joint: Joint, row: Rows, received: Vector) -> Visit:
     moved = motion(joint, row, received, rate)
-    return Visit({WRENCH + k: x for k, x in enumerate(wrench(joint, moved))}, moved)
+    kept = {WRENCH + k: x for k, x in enumerate(wrench(joint, moved))}
+    return Visit(kept | orientation(joint), moved)
 
 
-def motion(joint: Joint, row: Rows, received: Vector, rate: Scalar) -> Vector:
+def motion(joint: Joint, row: Rows, received: Vector, rate: Sequence[Scalar]) -> Vector:
     """(ω, α, a) of a link from those of its parent."""
     omega, alpha, a = received[:3], received[3:6], received[6:9]
-    p = arm(joint, row)
+    p = arm(joint)
     a = sum_of(a, sum_of(cross(alpha, p), cross(omega, cross(omega, p))))
     omega, alpha, a = (from_parent(joint, row, x) for x in (omega, alpha, a))
-    across: Vector = [dot([omega[1]], [joint.v]), -dot([omega[0]], [joint.v]), rate]
-    if joint.slides:
-        across = [*(times(2.0, x) if not is_zero(x) else 0.0 for x in across[:2]), rate]
-        return [*omega, *alpha, *sum_of(a, across)]
-    return [*omega[:2], plus(omega[2], joint.v), *sum_of(alpha, across), *a]
+    moved = relative(joint)
+    omega = sum_of(omega, moved[:3])
+    of = dict(zip(joint.axes, rate))
+    rates = [of.get(k, 0.0) for k in range(6)]
+    turning, linear = velocity_products(omega, moved)
+    return [
+        *omega,
+        *sum_of(alpha, sum_of(turning, rates[:3])),
+        *sum_of(a, sum_of(linear, rates[3:])),
+    ]
 
 
 def wrench(joint: Joint, moved: Vector) -> Vector:
@@ -64,13 +77,14 @@ def wrench(joint: Joint, moved: Vector) -> Vector:
     return [*n, *sum_of(scaled(joint.mass, a), f)]
 
 
-def _balance(rate: Scalar, joint: Joint, row: Rows, received: Vector) -> Visit:
+def _balance(rate: Vector, joint: Joint, row: Rows, received: Vector) -> Visit:
     carried = sum_of(received, row.vector(WRENCH, 6))
-    needed = plus(carried[axis_of(joint)], dot([joint.rotor], [rate]))
-    return Visit({}, at_parent(joint, row, carried), {"force": minus(needed, joint.tau)})
+    each = zip(joint.axes, joint.rotor, rate, joint.tau)
+    needed = [minus(plus(carried[k], dot([rotor], [x])), tau) for k, rotor, x, tau in each]
+    return Visit({}, at_parent(joint, row, carried), numbered("force", needed))
 
 
 def at_parent(joint: Joint, row: Rows, carried: Vector) -> Vector:
     """A wrench about the parent's origin."""
     n, f = (to_parent(joint, row, x) for x in (carried[:3], carried[3:]))
-    return [*sum_of(n, cross(arm(joint, row), f)), *f]
+    return [*sum_of(n, cross(arm(joint), f)), *f]

@@ -25,16 +25,28 @@ from derive.mechanics.loops.forward_dynamics import (
     PSI,
     ZERO,
     acceleration,
-    axis_of,
     elimination,
     falls,
+    further,
+    numbered,
+    of_each,
+    shares,
     solved,
     velocities,
 )
 from derive.mechanics.loops.frames import arm, from_parent
 from derive.mechanics.loops.inverse_dynamics import at_parent, motion, wrench
 from derive.mechanics.loops.records import Joint, Sweep, Visit
-from derive.mechanics.loops.sweeps import COSINE, SINE, Rows, falling, rising, rows_of
+from derive.mechanics.loops.sweeps import (
+    COSINE,
+    SINE,
+    TURNED,
+    Rows,
+    falling,
+    orientation,
+    rising,
+    rows_of,
+)
 
 INVERSE = 15  # 1/d
 # (n, f) of a link and its change, where forward dynamics needs its entries no more
@@ -45,8 +57,8 @@ PARENT, RATE, SOLUTION = OMEGA, 17, 18
 
 @dataclass(frozen=True)
 class Along:
-    """Coordinate, velocity and inputs of the link at hand, and their changes; of the inputs as many
-    as a link has at most."""
+    """Coordinates, velocities and inputs of the link at hand, and their changes; of each as many as
+    a link has at most."""
 
     q: ca.SX
     v: ca.SX
@@ -58,7 +70,7 @@ class Along:
 
 @dataclass(frozen=True)
 class Weights:
-    """Coordinate, velocity and inputs of the link at hand, and the weights of q̇ and v̇."""
+    """Coordinates, velocities and inputs of the link at hand, and the weights of q̇ and v̇."""
 
     q: ca.SX
     v: ca.SX
@@ -111,21 +123,23 @@ def adjoint_product(
 
 
 def _elimination(joint: Joint, row: Rows, received: Vector) -> Visit:
-    visit, d = elimination(joint, row, received)
-    return Visit(visit.kept | {INVERSE: 1.0 / d}, visit.handed)
+    visit, pivots = elimination(joint, row, received)
+    inverses = {further(INVERSE, k): 1.0 / d for k, d in enumerate(pivots)}
+    return Visit(visit.kept | inverses, visit.handed)
 
 
 def _changes(along: Along, joint: Joint, row: Rows, received: Vector) -> Visit:
     """Received: (ω, α, a) of the parent, and their changes at held v̇."""
     before, changes = received[:9], received[9:]
     mu = acceleration(joint, row, before[3:])
-    moved, rate = solved(joint, row, mu, row[PHI])
+    moved, rate = solved(joint, row, mu, of_each(joint, row, PHI))
     own = [*row.vector(OMEGA), *moved]
-    given, held, at = ca.SX.sym("b", 9), ca.SX.sym("a"), ca.SX.sym("m", 9)
-    of = motion(joint, row, _split(given), held)
-    by = ca.vertcat(given, _moving(row, along.q), along.v)
-    seeds = [*changes, *_moves(joint, row, along.dq), along.dv]
-    changes = _with(_product(of, by, seeds), ca.vertcat(given, held), [*before, rate])
+    given, held, at = ca.SX.sym("b", 9), ca.SX.sym("a", len(rate)), ca.SX.sym("m", 9)
+    of = motion(joint, row, _split(given), _split(held))
+    by = ca.vertcat(given, _moving(joint, row), *joint.v)
+    dq, dv = _own(joint, along.dq, along.dv)
+    seeds = [*changes, *_moves(joint, row, dq), *dv]
+    changes = _with(_product(of, by, seeds), ca.vertcat(given, held), [*before, *rate])
     felt = _with(_product(wrench(joint, _split(at)), at, changes), at, own)
     kept = dict(enumerate(wrench(joint, own), FORCES)) | dict(enumerate(felt, CHANGES))
     return Visit(kept, [*own, *changes])
@@ -136,42 +150,52 @@ def _forces(along: Along, joint: Joint, row: Rows, received: Vector) -> Visit:
     total = sum_of(received[:6], row.vector(FORCES, 6))
     changed = sum_of(received[6:12], row.vector(CHANGES, 6))
     bias = received[12:]
-    tau = ca.SX(joint.tau)
-    (acting,) = _product(
-        [tau],
-        ca.vertcat(along.q, along.v, along.u),
-        [along.dq, along.dv, *ca.vertsplit(along.du)],
+    dq, dv = _own(joint, along.dq, along.dv)
+    acting = _product(
+        joint.tau,
+        ca.vertcat(*joint.q, *joint.v, along.u),
+        [*dq, *dv, *ca.vertsplit(along.du)],
     )
-    force = minus(acting, changed[axis_of(joint)])
-    pushed, bias = _eliminated(joint, row.vector(PSI, 6), force, bias)
+    forces = [minus(x, changed[k]) for x, k in zip(acting, joint.axes)]
+    pushed, bias = _eliminated(joint, shares(joint, row), forces, bias)
     given = ca.SX.sym("n", 6)
     of = at_parent(joint, row, _split(given))
-    by = ca.vertcat(given, _moving(row, along.q))
-    seeds = [*changed, *_moves(joint, row, along.dq)]
+    by = ca.vertcat(given, _moving(joint, row))
+    seeds = [*changed, *_moves(joint, row, dq)]
     change = _with(_product(of, by, seeds), given, total)
     handed = [*at_parent(joint, row, total), *change, *at_parent(joint, row, bias)]
-    return Visit({PHI: times(pushed, row[INVERSE])}, handed)
+    inverses = of_each(joint, row, INVERSE)
+    kept = {further(PHI, k): times(x, y) for k, (x, y) in enumerate(zip(pushed, inverses))}
+    return Visit(kept, handed)
 
 
-def _eliminated(joint: Joint, share: Vector, force: Scalar, bias: Vector) -> tuple[Scalar, Vector]:
-    """φ = τ − eᵀ η, and η + ψ φ/d; `share` is ψ/d."""
-    along = axis_of(joint)
-    phi = minus(force, bias[along])
-    after = sum_of(bias, [dot([x], [phi]) for x in share])
-    if is_zero(joint.rotor):
-        after[along] = force
-    return phi, after
+def _eliminated(
+    joint: Joint, of: Sequence[Vector], forces: Vector, bias: Vector
+) -> tuple[Vector, Vector]:
+    """φ = τ − eᵀ η, and η + ψ φ/d, one velocity after the other; `of` are ψ/d."""
+    pushed: Vector = []
+    for k, along in enumerate(joint.axes):
+        phi = minus(forces[k], bias[along])
+        bias = sum_of(bias, [dot([x], [phi]) for x in of[k]])
+        if is_zero(joint.rotor[k]):
+            bias[along] = forces[k]
+        pushed.append(phi)
+    return pushed, bias
 
 
 def _solution(along: Along, joint: Joint, row: Rows, received: Vector) -> Visit:
-    moved, rate = solved(joint, row, _twist(joint, row, received), row[PHI])
-    return Visit({}, moved, {"coordinate": along.dv, "velocity": rate})
+    twist = _twist(joint, row, received)
+    moved, rates = solved(joint, row, twist, of_each(joint, row, PHI))
+    by = ca.vertcat(*joint.q, *joint.v)
+    dq, dv = _own(joint, along.dq, along.dv)
+    changes = _product(joint.rates, by, [*dq, *dv])
+    return Visit({}, moved, numbered("coordinate", changes) | numbered("velocity", rates))
 
 
 def _twist(joint: Joint, row: Rows, received: Vector) -> Vector:
     """A twist of the parent at the link's own origin, in its axes."""
     angular, linear = received[:3], received[3:]
-    linear = sum_of(linear, cross(angular, arm(joint, row)))
+    linear = sum_of(linear, cross(angular, arm(joint)))
     return [*from_parent(joint, row, angular), *from_parent(joint, row, linear)]
 
 
@@ -180,65 +204,100 @@ def _twist(joint: Joint, row: Rows, received: Vector) -> Vector:
 
 def _weighted(weights: Weights, joint: Joint, row: Rows, received: Vector) -> Visit:
     """Beside the elimination the bias wrench of M⁻¹ with the weights as forces."""
-    visit, d = elimination(joint, row, received[:27])
-    share = [visit.kept[PSI + k] for k in range(6)]
-    pushed, bias = _eliminated(joint, share, weights.y_v, received[27:])
-    kept = visit.kept | {INVERSE: pushed / d}
-    return Visit(kept, [*visit.handed, *at_parent(joint, row, bias)])
+    visit, pivots = elimination(joint, row, received[:27])
+    count = len(joint.axes)
+    of = [[visit.kept[further(PSI, k) + i] for i in range(6)] for k in range(count)]
+    _, y_v = _own(joint, weights.y_q, weights.y_v)
+    pushed, bias = _eliminated(joint, of, y_v, received[27:])
+    solutions = {further(INVERSE, k): x / d for k, (x, d) in enumerate(zip(pushed, pivots))}
+    return Visit(visit.kept | solutions, [*visit.handed, *at_parent(joint, row, bias)])
 
 
 def _virtual(joint: Joint, row: Rows, received: Vector) -> Visit:
     """v̇ and s, with the motion that s is of; what the parent hands on is kept."""
     mu = acceleration(joint, row, received[3:9])
-    moved, rate = solved(joint, row, mu, row[PHI])
-    virtual, s = solved(joint, row, _twist(joint, row, received[9:]), row[INVERSE])
-    kept = dict(enumerate(received, PARENT)) | {RATE: rate, SOLUTION: s}
+    moved, rates = solved(joint, row, mu, of_each(joint, row, PHI))
+    twist = _twist(joint, row, received[9:])
+    virtual, s = solved(joint, row, twist, of_each(joint, row, INVERSE))
+    kept = dict(enumerate(received, PARENT))
+    kept |= {further(RATE, k): x for k, x in enumerate(rates)}
+    kept |= {further(SOLUTION, k): x for k, x in enumerate(s)}
     return Visit(kept, [*row.vector(OMEGA), *moved, *virtual])
 
 
 def _slopes(weights: Weights, joint: Joint, row: Rows, received: Vector) -> Visit:
     """Received: the slopes of what hangs on the link by (ω, α, a, δω, δv) of the link."""
-    before, rate, s = row.vector(PARENT, 15), row[RATE], row[SOLUTION]
-    given, held = ca.SX.sym("b", 15), ca.SX.sym("a", 2)
+    count = len(joint.axes)
+    before, rates = row.vector(PARENT, 15), of_each(joint, row, RATE)
+    s = of_each(joint, row, SOLUTION)
+    given, held, virtual = ca.SX.sym("b", 15), ca.SX.sym("a", count), ca.SX.sym("s", count)
     parent = _split(given)
     turned = _twist(joint, row, parent[9:])
-    along = axis_of(joint)
-    turned[along] = plus(turned[along], held[1])
-    of = [*motion(joint, row, parent[:9], held[0]), *turned]
-    own = _with(of, ca.vertcat(given, held), [*before, rate, s])
+    for along, x in zip(joint.axes, _split(virtual)):
+        turned[along] = plus(turned[along], x)
+    of = [*motion(joint, row, parent[:9], _split(held)), *turned]
+    taken, at_hand = ca.vertcat(given, held, virtual), [*before, *rates, *s]
+    own = _with(of, taken, at_hand)
     at = ca.SX.sym("m", 15)
     entries = _split(at)
     power = dot(entries[9:], wrench(joint, entries[:9]))
     felt = sum_of(received, _with(_product([power], at, [1.0], left=True), at, own))
-    by = ca.vertcat(given, _moving(row, weights.q), weights.v)
-    back = _with(_product(of, by, felt, left=True), ca.vertcat(given, held), [*before, rate, s])
-    sine, cosine, q, v = back[15:]
-    forces = _product([joint.tau], ca.vertcat(weights.q, weights.v, weights.u), [s], left=True)
-    if not joint.slides:
-        q = plus(q, minus(times(row[COSINE], sine), times(row[SINE], cosine)))
-    results: dict[str, Scalar] = {
-        "coordinate": minus(forces[0], q),
-        "velocity": minus(plus(forces[1], weights.y_q), v),
-    }
-    for k, force in enumerate(forces[2:]):
-        if ca.depends_on(ca.SX(joint.tau), weights.u[k]):
-            results[f"slope{k}"] = force
-    return Visit({}, back[:15], results)
+    by = ca.vertcat(given, _moving(joint, row), *joint.v)
+    back = _with(_product(of, by, felt, left=True), taken, at_hand)
+    moving, v = back[15:-count], back[-count:]
+    y_q, _ = _own(joint, weights.y_q, weights.y_v)
+    u = ca.vertsplit(weights.u)
+    forces = _product(joint.tau, ca.vertcat(*joint.q, *joint.v, *u), s, left=True)
+    rated = _product(joint.rates, ca.vertcat(*joint.q, *joint.v), y_q, left=True)
+    many = len(joint.q)
+    q = _by_coordinates(joint, row, moving)
+    by_q = [minus(plus(x, y), z) for x, y, z in zip(forces[:many], rated[:many], q)]
+    by_v = [minus(plus(x, y), z) for x, y, z in zip(forces[many:], rated[many:], v)]
+    slopes: dict[str, Scalar] = {}
+    for k, force in enumerate(forces[many + count :]):
+        if ca.depends_on(ca.SX(ca.vertcat(*joint.tau)), u[k]):
+            slopes[f"slope{k}"] = force
+    return Visit({}, back[:15], numbered("coordinate", by_q) | numbered("velocity", by_v) | slopes)
 
 
 # ---- both
 
 
-def _moving(row: Rows, q: ca.SX) -> ca.SX:
-    """What a coordinate stands in: sine and cosine of the angle, and itself."""
-    return ca.vertcat(row.symbols[SINE], row.symbols[COSINE], q)
+def _own(joint: Joint, of_q: ca.SX, of_v: ca.SX) -> tuple[Vector, Vector]:
+    """Of what there is of each coordinate and velocity, those that the joint has."""
+    return [*ca.vertsplit(of_q)][: len(joint.q)], [*ca.vertsplit(of_v)][: len(joint.v)]
 
 
-def _moves(joint: Joint, row: Rows, dq: Scalar) -> Vector:
-    """The changes of these along that of the coordinate."""
-    if joint.slides:
-        return [0.0, 0.0, dq]
-    return [times(row[COSINE], dq), minus(0.0, times(row[SINE], dq)), dq]
+def _moving(joint: Joint, row: Rows) -> ca.SX:
+    """What coordinates stand in: sine and cosine of the angle, or an orientation, and
+    themselves."""
+    turned = row.symbols[TURNED : TURNED + 9] if joint.turned is not None else ca.SX(0, 1)
+    return ca.vertcat(row.symbols[SINE], row.symbols[COSINE], turned, *joint.q)
+
+
+def _moves(joint: Joint, row: Rows, dq: Vector) -> Vector:
+    """The changes of these along those of the coordinates."""
+    by = ca.vertcat(*joint.q)
+    if joint.turned is not None:
+        return [0.0, 0.0, *_product([*orientation(joint).values()], by, dq), *dq]
+    if joint.angle is None:
+        return [0.0, 0.0, *dq]
+    (angle,) = _product([joint.angle], by, dq)
+    return [times(row[COSINE], angle), minus(0.0, times(row[SINE], angle)), *dq]
+
+
+def _by_coordinates(joint: Joint, row: Rows, slopes: Vector) -> Vector:
+    """Slopes by these as slopes by the coordinates."""
+    by = ca.vertcat(*joint.q)
+    sine, cosine = slopes[:2]
+    q = slopes[-len(joint.q) :]
+    through: Vector = []
+    if joint.turned is not None:
+        through = _product([*orientation(joint).values()], by, slopes[2:11], left=True)
+    elif joint.angle is not None:
+        angle = minus(times(row[COSINE], sine), times(row[SINE], cosine))
+        through = _product([joint.angle], by, [angle], left=True)
+    return sum_of(q, through) if through else q
 
 
 def _product(values: Vector, by: ca.SX, seeds: Vector, left: bool = False) -> Vector:

@@ -13,17 +13,25 @@ from derive.expressions.scalars import Matrix, Scalar, Vector
 @dataclass(frozen=True)
 class Joint:
     """What a visit reads of a link of one kind: symbols, and floats where all links of the kind
-    have the same number."""
+    have the same number.
 
-    slides: bool
-    q: Scalar
-    v: Scalar
-    tau: Scalar  # what acts at the joint
-    rotor: Scalar
-    offset: Scalar  # of the angle; of a sliding joint sine and cosine of it instead
-    sine: Scalar
-    cosine: Scalar
+    Its frame is turned by Rz(γ) Rx(α) Rz(β) against that of its parent, then by the joint: about z
+    by the `angle`, or by the matrix `turned`, or not at all. Its origin is at `place` where the
+    joint is at zero, and `shift` from there along the axes behind the first three turns. Each
+    velocity is along one of the `axes` of a twist in the frame, 0 … 2 angular, 3 … 5 linear.
+    """
+
+    axes: tuple[int, ...]
+    q: tuple[ca.SX, ...]
+    v: tuple[ca.SX, ...]
+    rates: Vector  # q̇
+    tau: Vector  # what acts along each velocity
+    rotor: Vector
+    angle: Scalar | None
+    turned: Matrix | None
+    shift: Vector
     alpha: tuple[Scalar, Scalar]  # sine, cosine
+    beta: tuple[Scalar, Scalar]
     gamma: tuple[Scalar, Scalar]
     place: Vector
     mass: Scalar

@@ -12,7 +12,8 @@ from derive.joints.rotations import is_zero
 from derive.mechanics.loops.records import Joint, Sweep, Visit
 
 SINE, COSINE = 0, 1  # where the angle's stand in the row of a link
-MOST_KEPT = 24  # entries of a row
+TURNED = 80  # … and an orientation that is no single angle
+MOST_KEPT = 89  # entries of a row
 
 
 @dataclass
@@ -40,13 +41,21 @@ Step = Callable[[Joint, Rows, Vector], Visit]
 
 
 def rows_of(joints: Sequence[Joint]) -> list[Rows]:
-    """A row for each kind, of the same symbols, with sine and cosine of the angle."""
+    """A row for each kind, of the same symbols, with sine and cosine of the angle, or with the
+    orientation, for the first sweep to keep."""
     symbols = ca.SX.sym("r", MOST_KEPT)
     rows = [Rows(symbols) for _ in joints]
     for joint, row in zip(joints, rows):
-        turned = (joint.sine, joint.cosine) if joint.slides else (symbols[SINE], symbols[COSINE])
-        row.values |= dict(zip((SINE, COSINE), turned))
+        if joint.turned is not None:
+            row.values |= orientation(joint)
+        elif joint.angle is not None:
+            row.values |= {SINE: symbols[SINE], COSINE: symbols[COSINE]}
     return rows
+
+
+def orientation(joint: Joint) -> dict[int, Scalar]:
+    """What a row holds of an orientation that is no single angle."""
+    return dict(enumerate((x for line in joint.turned or [] for x in line), TURNED))
 
 
 def rising(

@@ -163,21 +163,35 @@ def _part(column: ca.SX, indices: Sequence[int]) -> Vector:
 
 def _turns(system: System) -> list[tuple[int, list[int]]]:
     """Where each quaternion starts in q, and its angular velocity's indices in v."""
-    N = system.N
-    return [(i, [j for j in range(N.size2()) if N[i : i + 4, j].nnz()]) for i in system.quaternions]
+    columns = _columns(system)
+    return [
+        (i, sorted({j for row in range(i, i + 4) for j in columns[row]}))
+        for i in system.quaternions
+    ]
+
+
+def _columns(system: System) -> list[set[int]]:
+    """By coordinate the velocities that its rate is made of."""
+    result: list[set[int]] = [set() for _ in range(system.q.numel())]
+    for row, column in zip(*system.N.sparsity().get_triplet()):
+        result[row].add(column)
+    return result
 
 
 def _blocks(system: System) -> list[tuple[list[int], list[int]]]:
     """Rows and columns of the square blocks of N that have no quaternion in them."""
     turned = {row for start in system.quaternions for row in range(start, start + 4)}
-    groups: list[tuple[set[int], set[int]]] = []
-    for row in (i for i in range(system.q.numel()) if i not in turned):
-        rows, columns = {row}, {j for j in range(system.v.numel()) if system.N[row, j].nnz()}
-        for group in [g for g in groups if g[1] & columns]:
-            groups.remove(group)
-            rows, columns = rows | group[0], columns | group[1]
-        groups.append((rows, columns))
-    return [(sorted(rows), sorted(columns)) for rows, columns in groups]
+    groups: dict[int, tuple[set[int], set[int]]] = {}  # by velocity the group that it is in
+    for row, own in enumerate(_columns(system)):
+        if row in turned:
+            continue
+        rows, columns = {row}, set(own)
+        for group in {id(groups[j]): groups[j] for j in own if j in groups}.values():
+            rows |= group[0]
+            columns |= group[1]
+        groups |= dict.fromkeys(columns, (rows, columns))
+    found = {id(group): group for group in groups.values()}.values()
+    return sorted((sorted(rows), sorted(columns)) for rows, columns in found)
 
 
 def _turned(q: Vector, d: Vector) -> Vector:

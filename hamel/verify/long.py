@@ -27,6 +27,7 @@ from derive.model.records import Model
 from derive.states import sampling
 from hamel.verify.checks.samples import all_parameters
 from hamel.verify.long_loops import KEPT, OF_LOOPS
+from hamel.verify.long_quaternions import OF_QUATERNIONS
 from hamel.verify.long_trees import (
     CHECKS,
     SAME,
@@ -91,7 +92,7 @@ def own_velocities(equations: Equations) -> tuple[int, ...] | None:
 def _checks(equations: Equations) -> tuple[Entry, ...]:
     """In loops velocities follow from each other, and are the same up to rounding alone."""
     if not equations.system.rows:
-        return CHECKS
+        return (*CHECKS, *OF_QUATERNIONS)
     solved = ((a, b, max(least, KEPT), about, error) for a, b, least, about, error in CHECKS)
     return (*solved, *OF_LOOPS)
 

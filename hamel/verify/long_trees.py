@@ -129,13 +129,13 @@ def _along(ref: Reference, module: ModuleType, place: Place) -> float:
     vdot = called(module.dynamics, *place.row)[nq:]
     if found.shape != (nq + nv,) or not np.isfinite(found).all() or vdot.shape != (nv,):
         return math.inf
+    states = [_moved(ref, place, side * changes) for side in (STEP, -STEP)]
     ahead, behind = (
-        balance(ref, _moved(ref, place, side * changes), vdot + side * found[nq:])
-        for side in (STEP, -STEP)
+        balance(ref, state, vdot + side * found[nq:]) for state, side in zip(states, (STEP, -STEP))
     )
     slope = (ahead.left - behind.left) / (2.0 * STEP)
     size = ahead.size + balance(ref, place.state, found[nq:]).size
-    rates = relative(found[:nq], changes[nq : nq + nv])
+    rates = relative(found[:nq], (states[0].rates - states[1].rates) / (2.0 * STEP))
     return max(rates, largest(slope / np.maximum(size, TINY)))
 
 

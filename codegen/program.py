@@ -12,6 +12,7 @@ import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from typing import TypeAlias
 
 from codegen.reals import FLOAT64, Real
@@ -236,7 +237,7 @@ class Rolled:
     tables: tuple[Table, ...]
     angles: tuple[Angle | None, ...]
     sweeps: tuple[Sweep, ...]
-    width: int  # of a row of the workspace
+    widths: tuple[int, ...]  # by kind, of a row of the workspace
     factors: tuple[Expression, ...]  # f0, f1, …: of parameters, the same at all links
 
     @property
@@ -290,7 +291,12 @@ class Rolled:
     @property
     def workspace(self) -> int:
         """Numbers beside the results."""
-        return self.links * self.width + self.slots * self.received
+        return sum(self.widths[kind] for kind in self.kinds) + self.slots * self.received
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """By link where its row begins in the workspace."""
+        return (0, *accumulate(self.widths[kind] for kind in self.kinds[:-1]))
 
     @property
     def visits(self) -> tuple[Visit, ...]:

@@ -60,3 +60,64 @@ def equal_links(n: int) -> str:
         "inputs: {tau: {joint: j1}}",
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
+
+
+def several() -> str:
+    """A tree on a free base with every joint of several velocities, turned and displaced on both
+    sides, with forces, inputs and an armature."""
+    body = "{mass: 0.5 kg, com: [0.05, 0.01, 0.1], inertia: [0.011, 0.012, 0.0131]}"
+    placed = "at: {parent: [0.3, 0.2, 0.1], child: [0.1, 0.2, 0.3]}, rpy: [0.2, 0.3, 0.4]"
+    joints = (
+        "{type: free, orientation: quaternion, parent: ground, child: b0, at: [0.3, 0.2, 0.1]}",
+        "{type: revolute, axis: [0, 0.6, 0.8], parent: b0, child: b1, at: [0.1, 0, 0.2]}",
+        f"{{type: ball, parent: b1, child: b2, {placed}}}",
+        f"{{type: planar, axis: -y, parent: b1, child: b3, {placed}}}",
+        "{type: universal, axis: y, axis2: x, parent: b2, child: b4, at: [0.1, 0.3, 0.02]}",
+        "{type: planar, axis: x, parent: ground, child: b5, at: [0, 0.1, 0.2]}",
+        "{type: prismatic, axis: y, parent: b3, child: b6, at: [0.1, 0.3, 0.2]}",
+        "{type: free, orientation: quaternion, parent: b5, child: b7}",
+        "{type: ball, parent: b7, child: b8, at: [0.1, 0, 0.2]}",
+        "{type: point, parent: b8, child: b9, at: [0.1, 0, 0.2]}",
+    )
+    lines = [
+        "model: several", "gravity: [0.3, -9.81 m/s^2, 0.4]", "bodies:",
+        *(f"  b{i}: {body}" for i in range(10)),
+        "joints:", *(f"  j{i}: {joint}" for i, joint in enumerate(joints)),
+        "loads:",
+        "  s: {type: spring, joint: j1, stiffness: 3}",
+        "  d: {type: damper, velocity: j2.wy, coefficient: 0.4}",
+        "  m: {type: armature, coordinate: j9_x, inertia: 0.3}",
+        "inputs: {tau: {joint: j1}, pull: {joint: j6}}",
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def rope(n: int) -> str:
+    """Equal links on ball joints."""
+    return f"""
+model: rope{n}
+gravity: [0.3, 0, -9.81 m/s^2]
+repeat: {{i: 1..{n - 1}}}
+bodies:
+  b0: {{mass: 0.1 kg, com: [0.05, 0.01, 0], inertia: [0.001, 0.002, 0.0021]}}
+  "b{{i}}": {{mass: 0.1 kg, com: [0.05, 0.02, 0], inertia: [0.001, 0.002, 0.0021]}}
+joints:
+  j0: {{type: ball, parent: ground, child: b0}}
+  "j{{i}}": {{type: ball, parent: "b{{i-1}}", child: "b{{i}}", at: [0.1 m, 0, 0.02]}}
+"""
+
+
+def snake(n: int) -> str:
+    """A planar chain on no ground."""
+    return f"""
+model: snake{n}
+plane: xy
+repeat: {{i: 1..{n - 1}}}
+bodies:
+  b0: {{mass: 0.5 kg, com: [0.05, 0.01], inertia: 0.001}}
+  "b{{i}}": {{mass: 0.1 kg, com: [0.05, 0.02], inertia: 0.0021}}
+joints:
+  j0: {{type: planar, parent: ground, child: b0, at: [0.3, 0.2]}}
+  "j{{i}}": {{type: revolute, parent: "b{{i-1}}", child: "b{{i}}", at: [0.1 m, 0.02]}}
+inputs: {{"tau{{i}}": {{joint: "j{{i}}"}}}}
+"""

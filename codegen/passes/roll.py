@@ -134,7 +134,7 @@ def rolled(function: Function, arguments: Sequence[Argument]) -> Loops:
             Sweep(sweep.title, sweep.rising, tuple(map(value, sweep.start)), visits)
             for sweep, visits in zip(of.sweeps, sweeps)
         ),
-        width=bodies.width,
+        widths=bodies.widths,
         factors=tuple(map(value, of.formulas)),
     )
     kernel = _kernel(function, arguments, result, values)
@@ -149,9 +149,13 @@ class _Bodies:
     """Bodies of code over the same rows."""
 
     def __init__(self, function: str, of: Recursion, entries: list[Entry]) -> None:
-        used = {0, 1} | {k for sweep in of.sweeps for x in sweep.visits for k in x.kept}
-        self.places = {k: n for n, k in enumerate(sorted(used))}
-        self.width = len(self.places)
+        angles = {0, 1} if any(angle is not None for angle in of.angles) else set[int]()
+        used = [
+            angles.union(*(sweep.visits[kind].kept for sweep in of.sweeps))
+            for kind in range(len(of.kinds))
+        ]
+        self.places = [{k: n for n, k in enumerate(sorted(of_kind))} for of_kind in used]
+        self.widths = tuple(map(len, used))
         self._function, self._of, self._entries = function, of, entries
 
     def sweep(self, sweep: records.Sweep) -> tuple[Visit, ...]:
@@ -168,7 +172,7 @@ class _Bodies:
 
     def _visit(self, number: int, title: str, received: ca.SX, visit: records.Visit) -> Visit:
         """The body of one kind, after the passes."""
-        kind = self._of.kinds[number]
+        kind, places = self._of.kinds[number], self.places[number]
         slots = [
             ("k", kind.constants), *((read.name, read.symbol) for read in self._of.reads),
             ("t", self._of.t), ("f", self._of.factors), ("r", self._of.row), ("e", received),
@@ -182,13 +186,13 @@ class _Bodies:
         done = schedule(best.lowered, (), title, inputs, Names([*Names().taken, *inputs.values()]))
         many, last = len(kept), len(kept) + len(handed)
         loads = tuple(
-            load if load.argument != "r" else type(load)(load.name, "r", self.places[load.index])
+            load if load.argument != "r" else type(load)(load.name, "r", places[load.index])
             for load in done.loads
         )
         return Visit(
             loads=loads,
             sections=done.sections,
-            kept=tuple((self.places[k], x) for (k, _), x in zip(kept, done.roots)),
+            kept=tuple((places[k], x) for (k, _), x in zip(kept, done.roots)),
             handed=done.roots[many:last],
             results=tuple(zip(results, done.roots[last:])),
             operations=count(used_operations(best.lowered)),

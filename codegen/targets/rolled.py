@@ -40,18 +40,22 @@ class Index:
     values: tuple[int, ...]
 
     @property
-    def rule(self) -> str:
-        """i, or i and a constant; nothing else has one."""
-        first = self.values[0]
-        if set(self.values) == {first} and len(self.values) > 1:
-            return str(first)
-        if any(value != first + i for i, value in enumerate(self.values)):
-            return ""
-        return f"i + {first}" if first else "i"
+    def step(self) -> int | None:
+        """From one link to the next, where it is always the same."""
+        first, *others = self.values
+        step = others[0] - first if others else 1
+        regular = all(value == first + step * i for i, value in enumerate(self.values))
+        return step if regular else None
 
-    def text(self, prefix: str) -> str:
-        """The number of link i."""
-        return self.rule or f"{prefix}{self.name}[i]"
+    def text(self, prefix: str, link: str = "i") -> str:
+        """The number of a link; a multiple of it and a constant need no table."""
+        first, step = self.values[0], self.step
+        if step is None:
+            return f"{prefix}{self.name}[{link}]"
+        if step == 0:
+            return str(first)
+        along = f"{step} * {link}" if step != 1 else link
+        return f"{along} + {first}" if first else along
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,7 @@ def indices(of: Rolled) -> dict[str, Index]:
         "row": of.rows,
         "of": of.of,
         "to": of.to,
+        "start": of.starts,
         **of.indices,
     }
     return {name: Index(name, values) for name, values in named.items()}
@@ -120,6 +125,7 @@ def _entry(x: Expression, language: text.Language) -> str:
 def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Sequence[str]) -> Text:
     """In C. In lanes entry i of an array is LANES numbers side by side."""
     at = {name: index.text(prefix) for name, index in indices(of).items()}
+    at["ahead"] = indices(of)["start"].text(prefix, "(i + j)")
     language = text.LANES if lanes else text.C
     constants = tables(of, language)
     computed = {k for k, table in enumerate(constants) if table.computed}
@@ -158,7 +164,7 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
         of=of,
         prologue=tuple(prologue),
         tables=constants,
-        indices=tuple(x for x in indices(of).values() if not x.rule),
+        indices=tuple(x for x in indices(of).values() if x.step is None),
         row=at["row"],
         angles=tuple(None if v is None else angle(k, v) for k, v in enumerate(of.angles)),
         loops=tuple(
@@ -237,7 +243,7 @@ def python_text(
         of=of,
         prologue=prologue,
         tables=tables(of, language),
-        indices=tuple(indices(of).values()),
+        indices=tuple(x for x in indices(of).values() if x.name != "start"),
         row="",
         angles=tuple(None if x is None else angle(x) for x in of.angles),
         loops=tuple(

@@ -74,8 +74,9 @@ def as_loops(system: System, motion: Motion, function: str) -> Callable[[], Recu
     """The function as loops over links. What is called raises AssumptionError where it does not
     fit."""
     regular = not (motion.guards or motion.solving)
-    direct = motion.minimal is not None and regular and is_unit(motion.B)
-    other = "" if direct else "its velocities are not those of the joints"
+    direct = motion.minimal is not None and is_unit(motion.B)
+    other = "" if regular else "there are positions that it has to be guarded against"
+    other = other if direct else "its velocities are not those of the joints"
     other = "it has first-order states" if system.model.states else other
     return functools.cache(lambda: recursion(system, function, other))
 

@@ -208,7 +208,7 @@ def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
 def _check_attitude(found: Problem, q: np.ndarray, p: np.ndarray) -> None:
     """Raises AssumptionError where Euler angles are in gimbal lock: their rates have no slopes."""
     N = found.kinematics.rates(np.zeros(1), q[np.newaxis], p[np.newaxis])
-    names = [] if N is None else gimbal.locked(found.equations.system, N[0])
+    names = [] if N is None else gimbal.locked(found.equations.system, N.largest()[0])
     if names:
         where = f"at the steady motion '{found.motion.name}'"
         raise AssumptionError(gimbal.told(names, where), hint=gimbal.INSTEAD)

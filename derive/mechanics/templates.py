@@ -118,6 +118,7 @@ def _written(
     if len(key) == 1:
         return next(inputs) if key[0] == INPUT else t
     if isinstance(key[1], int):
-        return of[key[0]][key[1]]
+        symbols = of[Q] if key[0] == Q else of[V]
+        return symbols[key[1]]
     operands = [_written(inner, of, t, constants, inputs) for inner in key[1:]]
     return _applied(key[0], operands)

@@ -13,7 +13,17 @@ import numpy as np
 from derive.expressions.evaluate import number
 from derive.mechanics.records import System
 from derive.numerics import NONZERO
-from derive.states.limits import CLOSED, EVEN, LEAP, MANY_ROWS, NEWTON, NUDGES, REPEATS, ROUNDED
+from derive.states.limits import (
+    CLOSED,
+    EVEN,
+    LEAP,
+    MANY_ROWS,
+    MANY_VELOCITIES,
+    NEWTON,
+    NUDGES,
+    REPEATS,
+    ROUNDED,
+)
 from derive.states.sparse import Sparse, squares
 
 
@@ -49,8 +59,8 @@ class Kinematics:
     def velocity_terms(
         self, t: float, q: np.ndarray, p: np.ndarray
     ) -> tuple[np.ndarray | Sparse, np.ndarray, np.ndarray | Sparse]:
-        """`velocities`, without zeros where there are many rows."""
-        if not self.many_rows:
+        """`velocities`, without zeros where there are many rows or velocities."""
+        if not (self.many_rows or self.system.v.numel() >= MANY_VELOCITIES):
             return self.velocities(t, q, p)
         values = self._velocities(t, q, p)
         patterns = [self._velocities.sparsity_out(i) for i in range(3)]
@@ -91,9 +101,9 @@ class Kinematics:
         pattern = self._velocities.sparsity_out(0)
         return Sparse(pattern, _entries(A, pattern, len(t))), c.full().T[: len(t)]
 
-    def rates(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray | None:
+    def rates(self, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> Sparse | None:
         """N at k states; None where it is one everywhere."""
-        return None if self.plain else self._many(self._rates, t, q, p)[0]
+        return None if self.plain else self.value_rows(self.system.N, t, q, p)
 
     def values(self, matrix: ca.SX, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:
         """A matrix over (t, q, p) at k states."""
@@ -110,7 +120,7 @@ class Kinematics:
         """q + N · along with unit quaternions, at k states: `along` (k, nv) is a displacement over
         v."""
         N = self.rates(t, q, p)
-        moved = q + (along if N is None else (N @ along[:, :, None])[:, :, 0])
+        moved = q + (along if N is None else N.applied(along))
         return normalised(self.system, moved) if self.system.quaternions else moved
 
     def _many(
@@ -145,10 +155,6 @@ class Kinematics:
         slopes = ca.jacobian(self.system.phi, self.system.q)
         along = slopes if self.plain else ca.mtimes(slopes, self.system.N)
         return self._function("closing", self.system.phi, along)
-
-    @cached_property
-    def _rates(self) -> ca.Function:
-        return self._function("rates", self.system.N)
 
 
 def _unpacked(found: ca.DM, pattern: ca.Sparsity, k: int) -> np.ndarray:

@@ -13,10 +13,9 @@ from derive.states.limits import LOCKED
 INSTEAD = "take `orientation: quaternion` for this joint, or angles about other axes"
 
 
-def locked(system: System, N: np.ndarray) -> list[str]:
-    """The coordinates whose rows of N (nq × nv) have an entry that is not finite or above LOCKED;
+def locked(system: System, sizes: np.ndarray) -> list[str]:
+    """The coordinates whose rows of N have a largest entry that is not finite or above LOCKED;
     elsewhere the largest are about one."""
-    sizes = np.max(np.nan_to_num(np.abs(N), nan=np.inf), axis=1, initial=0.0)
     return [x.name for x, size in zip(system.model.coordinates, sizes) if size > LOCKED]
 
 

@@ -337,7 +337,7 @@ def _chosen(
 
 def _locked(own: Own, solver: Kinematics, q: np.ndarray, p: np.ndarray) -> list[str]:
     rates = solver.rates(np.array([own.t]), q[np.newaxis], p[np.newaxis])
-    return [] if rates is None else gimbal.locked(own.system, rates[0])
+    return [] if rates is None else gimbal.locked(own.system, rates.largest()[0])
 
 
 def _is_locked_rate(

@@ -36,6 +36,7 @@ SQUARES = 1e-14  # eigenvalues of J Jᵀ below this part of the largest are zero
 
 # sparse
 MANY_ROWS = 40  # from so many rows on zeros are left out: with fewer LAPACK is as fast
+MANY_VELOCITIES = 250  # … and N has a square of entries
 ROUNDS = 2  # of solving for velocities: once more, for what rounding left
 REFINED = 2  # steps of refinement of what is solved by squares
 POWERS = 30  # of a matrix whose extreme singular values are looked for: three digits of them

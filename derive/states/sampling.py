@@ -454,17 +454,17 @@ def _steady(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> 
     """Which states are not near a position where q̇ = N v runs away, as Euler angles do in gimbal
     lock."""
     rates = solver.rates(t, q, p)
-    if rates is None or not rates.size:
+    if rates is None or not rates.entries.size:
         return np.ones(len(t), dtype=bool)
-    _refuse_gimbal_lock(solver.system, rates)
-    size = np.max(np.abs(rates), axis=(1, 2))
+    sizes = rates.largest()
+    _refuse_gimbal_lock(solver.system, sizes)
+    size = np.max(sizes, axis=1)
     return np.isfinite(size) & (size <= float(np.median(size)) / NEAR)
 
 
-def _refuse_gimbal_lock(system: System, rates: np.ndarray) -> None:
+def _refuse_gimbal_lock(system: System, sizes: np.ndarray) -> None:
     """Raises AssumptionError where q̇ = N v runs away at most states: no motion can start there."""
-    usual = np.median(np.nan_to_num(np.max(np.abs(rates), axis=2), nan=np.inf), axis=0)
-    runaway = gimbal.locked(system, usual[:, np.newaxis])
+    runaway = gimbal.locked(system, np.median(sizes, axis=0))
     if runaway:
         where = "wherever the constraints hold"
         raise AssumptionError(gimbal.told(runaway, where), hint=gimbal.INSTEAD)

@@ -70,6 +70,13 @@ class Sparse:
         """The length of each row at each state, (k, m)."""
         return np.sqrt(_summed(self.entries**2, self.rows, self.shape[1]))
 
+    def largest(self) -> np.ndarray:
+        """The largest size of an entry of each row at each state, (k, m); infinite where one is no
+        number."""
+        result = np.zeros((self.shape[1], len(self.entries)))
+        np.maximum.at(result, self.rows, np.nan_to_num(np.abs(self.entries), nan=np.inf).T)
+        return result.T
+
     def scaled(self, rows: np.ndarray, columns: np.ndarray | None = None) -> Sparse:
         """With rows, and columns, multiplied by numbers."""
         by = rows[self.rows] if columns is None else rows[self.rows] * columns[self.columns]

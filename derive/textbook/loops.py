@@ -54,12 +54,18 @@ def loops(doc: Manuscript) -> None:
         return
     doc.section("Equations of motion as loops over the links")
     doc.say(
-        f"The {len(of.parents)} links are a tree, and each hangs on one joint with one velocity. "
+        f"The {len(of.parents)} links are a tree, and each hangs on one joint. "
         "What follows is done at every link $i$; $\\lambda$ is the link that carries it. Frames "
         "have $z$ along the joint's axis $!e$ and stand on it; $!p$ is their origin and $!R$ their "
         "orientation in the frame of the link before, $!X$ takes accelerations from there to here, "
         "$!c$ are the velocity products, and $\\tau$ is what acts at the joint."
     )
+    several = any(len(sweep.results) > 2 for sweep in of.sweeps[-1].visits)
+    if several:
+        doc.say(
+            "A joint with several velocities has an axis of its frame for each; the second loop "
+            "eliminates one after the other, and the third finds them in the opposite order."
+        )
     for number, (title, lines) in enumerate(LOOPS, 1):
         doc.say(title)
         doc.display(Display(tuple(_line(*x) for x in lines), number, boxed=number == len(LOOPS)))

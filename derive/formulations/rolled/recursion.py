@@ -221,12 +221,13 @@ def _is_parametric(values: Sequence[Scalar]) -> bool:
 def _joint(sort: Sort, values: Sequence[Scalar], t: ca.SX, at_link: AtLink) -> Joint:
     """With the first symbols of what is at the link."""
     shape = sort.shape
-    named, count, many = dict(zip(NAMES, values)), len(shape.axes), len(shape.shifts)
+    named: dict[str, Scalar] = dict(zip(NAMES, values))
+    count, many = len(shape.axes), len(shape.shifts)
     q, v = ca.vertsplit(at_link.q)[:many], ca.vertsplit(at_link.v)[:count]
     rest = values[len(NAMES) :]
     written_out = _written(sort, rest[count:], t, q, v, at_link.u)
     tau, others = written_out[:count], written_out[count:]
-    rates = others[:many] if others else [*v]
+    rates: Vector = others[:many] if others else [*v]
     entries = others[many:]
     moves = [[x for x, axis in zip(q, shape.shifts) if axis == k] for k in range(3)]
     tensor = [

@@ -244,7 +244,7 @@ def _principal(link: Link) -> Array:
         if not any(np.allclose(direction, known, atol=EXACT) for known in found):
             found.append(direction)
     if len(found) == 2:
-        found.append(np.cross(*found))
+        found.append(np.cross(found[0], found[1]))
     frame = np.column_stack(found)
     if frame.shape != (3, 3) or np.abs(frame.T @ frame - np.eye(3)).max() > EXACT:
         raise AssumptionError(f"the axes of {link.name} are not at right angles")
@@ -275,7 +275,7 @@ def orientation(link: Link, frame: Array) -> Matrix | None:
         return None
     behind = matrix(link.rotation[place + 1 :])
     joint = _numbers(behind, f"the orientation of {link.name}") @ frame  # joint's axes ← frame
-    exactly = [[exact(x) for x in row] for row in joint.tolist()]
+    exactly: Matrix = [[exact(x) for x in row] for row in joint.tolist()]
     return product(product(transpose(exactly), matrix((link.rotation[place],))), exactly)
 
 

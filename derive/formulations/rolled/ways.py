@@ -105,8 +105,9 @@ class Places:
 
 
 def _from(places: tuple[tuple[int, ...], ...], k: int, first: int) -> tuple[int, ...]:
-    """Number k of each link; where a link has less of them, any."""
-    return tuple(first + (own[k] if k < len(own) else 0) for own in places)
+    """Number k of each link; where a link has less of them, that of the first which has."""
+    any_other = next(own[k] for own in places if k < len(own))
+    return tuple(first + (own[k] if k < len(own) else any_other) for own in places)
 
 
 _Made = tuple[tuple[Sweep, ...], Rows]

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import casadi as ca
+
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import (
     cross,
@@ -102,10 +104,10 @@ def elimination(joint: Joint, row: Rows, received: Vector) -> tuple[Visit, Vecto
         psi, d = _felt(along, joint.rotor[k], body)
         plain = is_zero(joint.rotor[k])
         phi = minus(joint.tau[k], wrench[along])
-        share: Vector = [0.0 if is_zero(x) else x / d for x in psi]
+        share: Vector = [quotient(x, d) for x in psi]
         if plain:
             share[along] = 1.0
-        pushed = phi / d
+        pushed = quotient(phi, d)
         body = _without(body, psi, share, along if plain else -1)
         wrench = sum_of(wrench, [dot([x], [pushed]) for x in psi])
         if plain:
@@ -115,6 +117,11 @@ def elimination(joint: Joint, row: Rows, received: Vector) -> tuple[Visit, Vecto
     c = velocity_products(row.vector(OMEGA), relative(joint))
     wrench = sum_of(wrench, _applied(body, *c))
     return Visit(kept, _handed_down(joint, row, body, wrench)), pivots
+
+
+def quotient(x: Scalar, d: Scalar) -> Scalar:
+    """x/d. A link without a mass has d = 0 until what hangs on it is known."""
+    return 0.0 if is_zero(x) else ca.SX(x) / d
 
 
 def further(place: int, k: int) -> int:

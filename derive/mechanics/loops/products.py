@@ -30,6 +30,7 @@ from derive.mechanics.loops.forward_dynamics import (
     further,
     numbered,
     of_each,
+    quotient,
     shares,
     solved,
     velocities,
@@ -124,7 +125,7 @@ def adjoint_product(
 
 def _elimination(joint: Joint, row: Rows, received: Vector) -> Visit:
     visit, pivots = elimination(joint, row, received)
-    inverses = {further(INVERSE, k): 1.0 / d for k, d in enumerate(pivots)}
+    inverses = {further(INVERSE, k): quotient(1.0, d) for k, d in enumerate(pivots)}
     return Visit(visit.kept | inverses, visit.handed)
 
 
@@ -209,7 +210,8 @@ def _weighted(weights: Weights, joint: Joint, row: Rows, received: Vector) -> Vi
     of = [[visit.kept[further(PSI, k) + i] for i in range(6)] for k in range(count)]
     _, y_v = _own(joint, weights.y_q, weights.y_v)
     pushed, bias = _eliminated(joint, of, y_v, received[27:])
-    solutions = {further(INVERSE, k): x / d for k, (x, d) in enumerate(zip(pushed, pivots))}
+    each = enumerate(zip(pushed, pivots))
+    solutions = {further(INVERSE, k): quotient(x, d) for k, (x, d) in each}
     return Visit(visit.kept | solutions, [*visit.handed, *at_parent(joint, row, bias)])
 
 
@@ -265,7 +267,7 @@ def _slopes(weights: Weights, joint: Joint, row: Rows, received: Vector) -> Visi
 
 def _own(joint: Joint, of_q: ca.SX, of_v: ca.SX) -> tuple[Vector, Vector]:
     """Of what there is of each coordinate and velocity, those that the joint has."""
-    return [*ca.vertsplit(of_q)][: len(joint.q)], [*ca.vertsplit(of_v)][: len(joint.v)]
+    return _split(of_q)[: len(joint.q)], _split(of_v)[: len(joint.v)]
 
 
 def _moving(joint: Joint, row: Rows) -> ca.SX:

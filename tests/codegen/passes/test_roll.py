@@ -41,7 +41,7 @@ from hamel.build.module import published
 from hamel.build.options import BuildOptions
 from hamel.build.stages import equations_of, program_for
 from tests.scenes import MODELS
-from tests.trees import chain, equal_links, tree, urdf
+from tests.trees import chain, equal_links, rope, several, snake, tree, urdf
 
 DYNAMICS = ("dynamics",)
 FUNCTIONS = (*DYNAMICS, "bias", "inverse_dynamics", "dynamics_forward", "dynamics_adjoint")
@@ -84,7 +84,7 @@ def states(made: Program, many: int, function: str = "dynamics") -> tuple[np.nda
     return rng.normal(size=(many, sizes["x"])), rng.normal(size=(many, sizes["u"])), p
 
 
-@pytest.mark.parametrize("text", [chain(7), tree(), equal_links(6)])
+@pytest.mark.parametrize("text", [chain(7), tree(), equal_links(6), several(), rope(4), snake(5)])
 def test_loops_give_what_straight_code_gives(
     text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -118,7 +118,7 @@ def test_products_of_derivatives_in_loops_are_slopes_of_the_dynamics(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("text", [chain(50), tree(), equal_links(9)])
+@pytest.mark.parametrize("text", [chain(50), tree(), equal_links(9), several(), rope(5), snake(6)])
 def test_compiled_loops_one_by_one_and_in_lanes(text: str, tmp_path: Path) -> None:
     equations = derived(tmp_path, text)
     straight = program(equations, FUNCTIONS, roll="never")
@@ -305,13 +305,31 @@ def test_code_does_not_grow_with_the_number_of_links(tmp_path: Path) -> None:
     assert code_without_tables(few) == code_without_tables(many)
     total = [made.kernel("dynamics").operations["total"] for made in (few, many)]
     assert total[1] == 2 * total[0]
-    assert loops(many).width == loops(few).width <= 15
+    assert loops(many).widths == loops(few).widths and max(loops(few).widths) <= 15
 
 
 def test_equal_links_share_a_row_and_exact_zeros_are_kept(tmp_path: Path) -> None:
     made = program(derived(tmp_path, equal_links(20)), DYNAMICS, roll="always")
     assert sum(len(table.rows) for table in loops(made).tables) <= 3
     assert made.kernel("dynamics").operations["total"] <= 100 * 20
+
+
+def test_a_rope_on_ball_joints_takes_one_body_of_code(tmp_path: Path) -> None:
+    """No quaternion's entry needs a table: they stand at multiples of the link."""
+    few, many = (program(derived(tmp_path, rope(n)), DYNAMICS, roll="always") for n in (4, 8))
+    lines = [len(emit(made)[f"{made.name}_dynamics.c"].splitlines()) for made in (few, many)]
+    assert abs(lines[1] - lines[0]) <= 1
+    totals = [made.kernel("dynamics").operations["total"] for made in (few, many)]
+    assert totals[1] <= 2.1 * totals[0] and totals[1] <= 450 * 8
+    assert "coordinate" not in re.sub(r"/\*.*?\*/", "", emit(many)[f"{many.name}_dynamics.c"])
+
+
+def test_rows_are_as_long_as_their_kind_needs(tmp_path: Path) -> None:
+    """A free base does not make those of all links longer."""
+    of = loops(program(derived(tmp_path, several()), DYNAMICS, roll="always"))
+    assert max(of.widths) > 30 and min(of.widths) < 16
+    assert of.workspace < of.links * max(of.widths)
+    assert of.starts[-1] + of.widths[of.kinds[-1]] == of.workspace - of.slots * of.received
 
 
 def test_slots_are_used_again(tmp_path: Path) -> None:
@@ -330,7 +348,6 @@ def test_bytes_are_the_same_twice(tmp_path: Path) -> None:
     ("model", "reason"),
     [
         ("four_bar", "constraints"),
-        ("free_body", "degrees of freedom"),
         ("gear_train", "constraints"),
     ],
 )
@@ -339,6 +356,13 @@ def test_what_does_not_fit_is_refused_by_name(model: str, reason: str) -> None:
     with pytest.raises(AssumptionError, match=f"dynamics cannot be rolled: .*{reason}"):
         program(equations, DYNAMICS, roll="always")
     assert not program(equations, DYNAMICS).rolling
+
+
+def test_euler_angles_are_refused_by_name(tmp_path: Path) -> None:
+    angles = 'orientation: {euler: zxz, angles: ["a{i}", "b{i}", "c{i}"]}'
+    text = rope(3).replace('"j{i}": {type: ball', f'"j{{i}}": {{type: ball, {angles}')
+    with pytest.raises(AssumptionError, match="positions that it has to be guarded against"):
+        program(derived(tmp_path, text), DYNAMICS, roll="always")
 
 
 def test_a_force_between_joints_keeps_the_unrolled_way_and_says_so(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """Long trees: nothing of them is written out unless it is asked for, the reference balances their
 forces in O(n), and a planted error is seen.
 
-Of hamel.verify: long, long_trees.
+Of hamel.verify: long, long_quaternions, long_trees.
 Of hamel.verify.reference: balance.
 Of derive.textbook: loops.
 Of derive.expressions: deferred.
@@ -27,7 +27,7 @@ from hamel.verify.long import FEWEST, _difference, drawn, is_long, long_verifica
 from hamel.verify.long_trees import BALANCED, SAME, called, relative
 from hamel.verify.reference.balance import balance
 from hamel.verify.reference.outcome import evaluate, reference
-from tests.trees import chain, equal_links, tree
+from tests.trees import chain, equal_links, rope, several, tree
 
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
 
@@ -84,7 +84,7 @@ def module(equations: Equations, wrong: float = 0.0) -> ModuleType:
     return made
 
 
-@pytest.mark.parametrize("text", [chain(5), tree(), equal_links(4)])
+@pytest.mark.parametrize("text", [chain(5), tree(), equal_links(4), several()])
 def test_the_balance_is_that_of_the_dense_reference(text: str, tmp_path: Path) -> None:
     equations = equations_of(written(tmp_path, text))
     ref = reference(equations.system.model)
@@ -122,6 +122,20 @@ def test_a_wrong_entry_of_a_function_in_loops_is_seen(name: str, tmp_path: Path)
         assert is_long(equations, made)
         result = long_verification(model, equations, made, FEWEST)
         assert result.passed == (wrong == 0.0)
+
+
+QUATERNIONS = ("qdot", "integrate", "difference", "normalise", "constraints", "project")
+
+
+@pytest.mark.parametrize("name", (*FURTHER, *QUATERNIONS))
+def test_a_wrong_entry_on_ball_joints_and_free_bases_is_seen(name: str, tmp_path: Path) -> None:
+    path = written(tmp_path, rope(3) if name in QUATERNIONS else several())
+    equations, model = equations_of(path), model_of(path)[0]
+    for wrong in (0.0, 1e-2):
+        made = with_function(equations, name, wrong)
+        assert is_long(equations, made)
+        result = long_verification(model, equations, made, FEWEST)
+        assert result.passed == (wrong == 0.0), [x for x in result.checks if not x.passed]
 
 
 def test_functions_that_grow_are_left_out_by_name(tmp_path: Path) -> None:

@@ -229,7 +229,6 @@ def _joint(sort: Sort, values: Sequence[Scalar], t: ca.SX, at_link: AtLink) -> J
     tau, others = written_out[:count], written_out[count:]
     rates: Vector = others[:many] if others else [*v]
     entries = others[many:]
-    moves = [[x for x, axis in zip(q, shape.shifts) if axis == k] for k in range(3)]
     tensor = [
         [named["I" + "".join(sorted("xyz"[a] + "xyz"[b]))] for b in range(3)] for a in range(3)
     ]
@@ -242,7 +241,7 @@ def _joint(sort: Sort, values: Sequence[Scalar], t: ca.SX, at_link: AtLink) -> J
         rotor=[*rest[:count]],
         angle=plus(q[shape.angle], named["offset"]) if shape.angle >= 0 else None,
         turned=[entries[3 * i : 3 * i + 3] for i in range(3)] if shape.turned else None,
-        shift=[x[0] if x else 0.0 for x in moves],
+        shifts=shape.shifts,
         alpha=(named["sin_alpha"], named["cos_alpha"]),
         beta=(named["sin_beta"], named["cos_beta"]),
         gamma=(named["sin_gamma"], named["cos_gamma"]),

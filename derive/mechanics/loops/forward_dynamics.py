@@ -30,7 +30,14 @@ from derive.joints.rotations import (
 )
 from derive.mechanics.articulated import Articulated
 from derive.mechanics.links import symmetric
-from derive.mechanics.loops.frames import arm, from_parent, to_parent, turned_matrix, turns
+from derive.mechanics.loops.frames import (
+    along_shifts,
+    arm,
+    from_parent,
+    to_parent,
+    turned_matrix,
+    turns,
+)
 from derive.mechanics.loops.records import Joint, Sweep, Visit
 from derive.mechanics.loops.sweeps import Rows, falling, orientation, rising, rows_of
 
@@ -72,6 +79,13 @@ def relative(joint: Joint) -> Vector:
     """The twist of the link against its parent, in its frame, angular first."""
     of = dict(zip(joint.axes, joint.v))
     return [of.get(k, 0.0) for k in range(6)]
+
+
+def rates_of(joint: Joint, row: Rows) -> Vector:
+    """q̇: where coordinates shift the link, its velocity along them."""
+    shifted = along_shifts(joint, row, relative(joint)[3:])
+    each = zip(joint.shifts, joint.rates)
+    return [shifted[axis] if axis >= 0 else rate for axis, rate in each]
 
 
 def velocity_products(omega: Vector, moved: Vector) -> tuple[Vector, Vector]:
@@ -226,7 +240,7 @@ def _shifted(body: Articulated, p: Vector) -> Articulated:
 
 def _accelerations(joint: Joint, row: Rows, received: Vector) -> Visit:
     mu, rates = solved(joint, row, acceleration(joint, row, received), of_each(joint, row, PHI))
-    return Visit({}, mu, numbered("coordinate", joint.rates) | numbered("velocity", rates))
+    return Visit({}, mu, numbered("coordinate", rates_of(joint, row)) | numbered("velocity", rates))
 
 
 def numbered(name: str, values: Sequence[Scalar]) -> dict[str, Scalar]:

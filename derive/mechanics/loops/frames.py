@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import (
     dot,
@@ -60,13 +62,15 @@ def _pair(x: Scalar, y: Scalar, s: Scalar, c: Scalar) -> tuple[Scalar, Scalar]:
 
 def turns(joint: Joint, row: Rows) -> list[Turn | Matrix]:
     """In the order in which a child's values are turned into its parent."""
-    first: list[Turn | Matrix] = []
+    return [*_own(joint, row), *_placement(joint)]
+
+
+def _own(joint: Joint, row: Rows) -> list[Turn | Matrix]:
+    """What the joint turns the link by."""
     if joint.turned is not None:
         entries = row.vector(TURNED, 9)
-        first = [[entries[3 * i : 3 * i + 3] for i in range(3)]]
-    elif joint.angle is not None:
-        first = [(2, row[SINE], row[COSINE])]
-    return [*first, *_placement(joint)]
+        return [[entries[3 * i : 3 * i + 3] for i in range(3)]]
+    return [] if joint.angle is None else [(2, row[SINE], row[COSINE])]
 
 
 def _placement(joint: Joint) -> list[Turn]:
@@ -75,7 +79,16 @@ def _placement(joint: Joint) -> list[Turn]:
 
 def to_parent(joint: Joint, row: Rows, x: Vector) -> Vector:
     """A vector in the parent's axes."""
-    for turn in turns(joint, row):
+    return _through(turns(joint, row), x)
+
+
+def along_shifts(joint: Joint, row: Rows, x: Vector) -> Vector:
+    """A vector in the axes along which coordinates shift the link."""
+    return _through(_own(joint, row), x)
+
+
+def _through(turns: Sequence[Turn | Matrix], x: Vector) -> Vector:
+    for turn in turns:
         x = rotated(turn, x) if isinstance(turn, list) else _turned(x, *turn)
     return x
 
@@ -93,9 +106,8 @@ def from_parent(joint: Joint, row: Rows, x: Vector) -> Vector:
 
 def arm(joint: Joint) -> Vector:
     """The link's origin in its parent's frame."""
-    shift = joint.shift
-    if all(map(is_zero, shift)):
+    of: dict[int, Scalar] = dict(zip(joint.shifts, joint.q))
+    if not any(axis in of for axis in range(3)):
         return joint.place
-    for turn in _placement(joint):
-        shift = _turned(shift, *turn)
-    return sum_of(joint.place, shift)
+    shift: Vector = [of.get(axis, 0.0) for axis in range(3)]
+    return sum_of(joint.place, _through(_placement(joint), shift))

@@ -31,6 +31,7 @@ from derive.mechanics.loops.forward_dynamics import (
     numbered,
     of_each,
     quotient,
+    rates_of,
     shares,
     solved,
     velocities,
@@ -187,9 +188,9 @@ def _eliminated(
 def _solution(along: Along, joint: Joint, row: Rows, received: Vector) -> Visit:
     twist = _twist(joint, row, received)
     moved, rates = solved(joint, row, twist, of_each(joint, row, PHI))
-    by = ca.vertcat(*joint.q, *joint.v)
+    by = ca.vertcat(_moving(joint, row), *joint.v)
     dq, dv = _own(joint, along.dq, along.dv)
-    changes = _product(joint.rates, by, [*dq, *dv])
+    changes = _product(rates_of(joint, row), by, [*_moves(joint, row, dq), *dv])
     return Visit({}, moved, numbered("coordinate", changes) | numbered("velocity", rates))
 
 
@@ -250,16 +251,18 @@ def _slopes(weights: Weights, joint: Joint, row: Rows, received: Vector) -> Visi
     y_q, _ = _own(joint, weights.y_q, weights.y_v)
     u = ca.vertsplit(weights.u)
     forces = _product(joint.tau, ca.vertcat(*joint.q, *joint.v, *u), s, left=True)
-    rated = _product(joint.rates, ca.vertcat(*joint.q, *joint.v), y_q, left=True)
+    rated = _product(
+        rates_of(joint, row), ca.vertcat(_moving(joint, row), *joint.v), y_q, left=True
+    )
     many = len(joint.q)
-    q = _by_coordinates(joint, row, moving)
-    by_q = [minus(plus(x, y), z) for x, y, z in zip(forces[:many], rated[:many], q)]
-    by_v = [minus(plus(x, y), z) for x, y, z in zip(forces[many:], rated[many:], v)]
-    slopes: dict[str, Scalar] = {}
+    slopes = (_by_coordinates(joint, row, x) for x in (rated[:-count], moving))
+    by_q = [minus(plus(x, y), z) for x, y, z in zip(forces[:many], *slopes)]
+    by_v = [minus(plus(x, y), z) for x, y, z in zip(forces[many:], rated[-count:], v)]
+    by_u: dict[str, Scalar] = {}
     for k, force in enumerate(forces[many + count :]):
         if ca.depends_on(ca.SX(ca.vertcat(*joint.tau)), u[k]):
-            slopes[f"slope{k}"] = force
-    return Visit({}, back[:15], numbered("coordinate", by_q) | numbered("velocity", by_v) | slopes)
+            by_u[f"slope{k}"] = force
+    return Visit({}, back[:15], numbered("coordinate", by_q) | numbered("velocity", by_v) | by_u)
 
 
 # ---- both

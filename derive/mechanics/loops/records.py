@@ -17,19 +17,20 @@ class Joint:
 
     Its frame is turned by Rz(γ) Rx(α) Rz(β) against that of its parent, then by the joint: about z
     by the `angle`, or by the matrix `turned`, or not at all. Its origin is at `place` where the
-    joint is at zero, and `shift` from there along the axes behind the first three turns. Each
-    velocity is along one of the `axes` of a twist in the frame, 0 … 2 angular, 3 … 5 linear.
+    joint is at zero; each coordinate shifts it from there along one of the axes behind the first
+    three turns, or not at all (−1 of `shifts`). Each velocity is along one of the `axes` of a twist
+    in the frame, 0 … 2 angular, 3 … 5 linear.
     """
 
     axes: tuple[int, ...]
     q: tuple[ca.SX, ...]
     v: tuple[ca.SX, ...]
-    rates: Vector  # q̇
+    rates: Vector  # q̇ of coordinates that shift nothing
     tau: Vector  # what acts along each velocity
     rotor: Vector
     angle: Scalar | None
     turned: Matrix | None
-    shift: Vector
+    shifts: tuple[int, ...]
     alpha: tuple[Scalar, Scalar]  # sine, cosine
     beta: tuple[Scalar, Scalar]
     gamma: tuple[Scalar, Scalar]

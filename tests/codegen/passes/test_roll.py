@@ -182,7 +182,9 @@ def code_without_tables(made: Program) -> str:
 @pytest.mark.skipif(
     platform.machine() != "x86_64" or shutil.which("gcc") is None, reason="gcc's report of loops"
 )
-@pytest.mark.parametrize("text", [chain(40), tree()], ids=["chain", "tree"])
+@pytest.mark.parametrize(
+    "text", [chain(40), tree(), rope(6), snake(8)], ids=["chain", "tree", "rope", "snake"]
+)
 def test_lanes_of_short_visits_are_vectors_too(text: str, tmp_path: Path) -> None:
     """gcc takes loops of few iterations and statements apart before it looks for vectors, and then
     finds none: the sweep of velocities was one state after the other."""

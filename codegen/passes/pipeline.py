@@ -16,7 +16,7 @@ from codegen.passes.initial import initial
 from codegen.passes.lanes import BATCHED, DYNAMICS, is_wide
 from codegen.passes.lower import Lowered
 from codegen.passes.names import Names, identifier
-from codegen.passes.roll import AUTO, NEVER, is_sure, refusal, rolled
+from codegen.passes.roll import AUTO, NEVER, WORTH_LANES, is_sure, refusal, rolled
 from codegen.passes.schedule import schedule
 from codegen.passes.selection import chart_suffix, contents, spelled_out
 from codegen.passes.split import is_long, split
@@ -241,9 +241,11 @@ def _straight_or_rolled(
     loops, entries = _rolled(equations, function, turning)
     if not is_sure(function, roll, links):
         straight, its_entries = _kernel(equations, function, turning)
-        more = loops.operations["total"] > straight.operations["total"]
-        if more and not is_wide(straight):  # else loops alone have lanes
-            return straight, its_entries, ""
+        lost = function.name in BATCHED and is_wide(straight)  # loops alone have lanes there
+        most = WORTH_LANES if lost else 1.0
+        if loops.operations["total"] > most * straight.operations["total"]:
+            straight, how = _repeating(straight) if is_wide(straight) else (straight, "")
+            return straight, its_entries, how
     return loops, entries, _how(loops)
 
 

@@ -106,3 +106,8 @@ class Recursion:
     p: ca.SX
     factors: ca.SX  # what is the same at all links, of parameters: symbols …
     formulas: tuple[ca.SX, ...]  # … and what they stand for
+
+    @property
+    def has_several(self) -> bool:
+        """Whether a joint has several velocities."""
+        return "velocity1" in self.indices

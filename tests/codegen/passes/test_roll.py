@@ -30,7 +30,7 @@ from codegen import loader, passes
 from codegen.emit import emit
 from codegen.passes import program
 from codegen.passes.lanes import is_batched, most_lanes
-from codegen.passes.roll import FROM
+from codegen.passes.roll import AUTO, FROM, FROM_FREE, is_sure
 from codegen.program import Program, Rolled
 from derive.diagnostics import AssumptionError, VerificationError
 from derive.formulations.limits import MOST_PARAMETRIC
@@ -450,3 +450,11 @@ def test_few_links_are_rolled_where_that_takes_no_more_operations(tmp_path: Path
         assert bool(made.rolling) == rolled
         least, before = (x.kernel("dynamics").operations["total"] for x in (made, straight))
         assert least <= before
+
+
+def test_robots_on_a_free_base_are_compared_for_longer(tmp_path: Path) -> None:
+    """What is written out gains more where axes are along each other's."""
+    for text, sure in ((chain(3), True), (snake(3), False)):
+        function = derived(tmp_path, text).function("dynamics")
+        assert is_sure(function, AUTO, FROM) is sure
+        assert is_sure(function, AUTO, FROM_FREE)

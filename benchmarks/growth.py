@@ -1,7 +1,7 @@
 """How time grows with the number of links: every stage from the file to a verified module, and
 evaluation, of chains, trees and rows of loops.
 
-    python benchmarks/growth.py [10 100 1000 10000] [--kinds planar,oblique,tree,loops,pinocchio]
+    python benchmarks/growth.py [10 100 1000 10000] [--kinds planar,oblique,tree,rope,loops,pinocchio]
     [--json FILE] [--plot FILE.svg]
 
 Every mechanism runs in a process of its own with an empty cache; times are processor seconds, the
@@ -58,6 +58,19 @@ def planar(n: int) -> str:
         '  "j{j}": {type: revolute, parent: "b{j-1}", child: "b{j}", at: [1.0, 0], coordinate: "q{j}"}'
     )
     return "\n".join(lines) + "\n"
+
+
+def rope(n: int) -> str:
+    """Equal links on ball joints."""
+    body = "{mass: 0.1 kg, com: [0.05, 0, 0], inertia: [1e-5, 1e-4, 1e-4]}"
+    return f"""model: rope
+gravity: [0, 0, -9.81 m/s^2]
+repeat: {{i: 1..{n - 1}}}
+bodies: {{b0: {body}, "b{{i}}": {body}}}
+joints:
+  j0: {{type: ball, parent: ground, child: b0}}
+  "j{{i}}": {{type: ball, parent: "b{{i-1}}", child: "b{{i}}", at: [0.1, 0, 0]}}
+"""
 
 
 def loops(n: int) -> str:
@@ -315,6 +328,7 @@ KINDS: dict[str, Callable[[int], dict[str, Any]]] = {
     "planar": lambda n: measured(planar(n), n),
     "oblique": lambda n: measured(oblique(n), n),
     "tree": lambda n: measured(tree(n), n),
+    "rope": lambda n: measured(rope(n), n),
     "loops": lambda n: measured(loops(n), n),
     "kane": _kane,
     "pinocchio": _peer(long.pinocchio, oblique),
@@ -322,11 +336,12 @@ KINDS: dict[str, Callable[[int], dict[str, Any]]] = {
     "mujoco": _peer(long.mujoco, oblique),
     "exudyn": _peer(long.exudyn, oblique, long.STEPS),
 }
-PEERS = tuple(KINDS)[4:]
+PEERS = tuple(KINDS)[5:]
 LABELS = {
     "planar": "planar chain",
     "oblique": "oblique chain",
     "tree": "tree",
+    "rope": "rope of ball joints",
     "loops": "four-bars in a row",
     "kane": "KanesMethod, planar",
     "pinocchio": "Pinocchio, oblique",

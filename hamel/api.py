@@ -69,8 +69,9 @@ def build(
 
     `choice` a+b makes one module of several choices, its charts. `constants` names the parameters
     to bake in ("all" for every one); `integrators` those that the module's simulate() can use
-    (dop853 when empty); `out` defaults to generated/<model>. Without a C compiler this raises
-    ToolchainError, unless `numpy` says that a module that runs on NumPy will do. `tune` compiles
+    (dop853 when empty); `out` defaults to generated/<model>. Without a C compiler, and where what
+    it made cannot be loaded, this raises ToolchainError, unless `numpy` says that a module that
+    runs on NumPy will do. `tune` compiles
     every formulation that fits, with every choice where none is named, and takes the one whose
     `dynamics` is fastest on this machine. `header` adds <model>_inline.h, all functions in one
     header for C and C++. `fix` gives inputs and parameters a value, a number in SI or text with a

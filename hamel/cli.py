@@ -75,7 +75,9 @@ def check(model: str) -> Any:
 )
 @REAL
 @click.option(
-    "--numpy", is_flag=True, help="Where there is no C compiler, make a module that runs on NumPy."
+    "--numpy",
+    is_flag=True,
+    help="Where no C compiler makes what can be loaded, make a module that runs on NumPy.",
 )
 @click.option(
     "--roll",

@@ -55,7 +55,19 @@ from codegen.targets.turns import Step, angles_of, fresh, is_turn
 
 _CALL = re.compile(r"_sincos\((.*), &\w+, &\w+\);$")  # of a sine with its cosine in lanes
 WIDEST = 512  # bits of a vector
-FEATURES = ("avx", "avx2", "fma", "bmi", "bmi2", "avx512f", "avx512dq", "avx512bw", "avx512vl")
+# what a processor may have: the register and the bit of cpuid that say so, and what it takes of the
+# system; those of leaf 1 first
+FEATURES = {
+    "avx": ("ecx", 28, "vectors"),
+    "fma": ("ecx", 12, "vectors"),
+    "avx2": ("ebx", 5, "vectors"),
+    "bmi": ("ebx", 3, "1u"),
+    "bmi2": ("ebx", 8, "1u"),
+    "avx512f": ("ebx", 16, "wide"),
+    "avx512dq": ("ebx", 17, "wide"),
+    "avx512bw": ("ebx", 30, "wide"),
+    "avx512vl": ("ebx", 31, "wide"),
+}
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,10 @@ RUNNABLE = (
 )
 
 
+class UnusableError(ToolchainError):
+    """What a compiler made without an error cannot be loaded."""
+
+
 @dataclass(frozen=True)
 class Compiled:
     """A module that was loaded: its files, and the module itself.
@@ -107,11 +111,15 @@ def drafted(
 
 
 @contextlib.contextmanager
-def compiling(draft: Draft) -> Iterator[Callable[[], Compiled]]:
-    """Draft → compiled module, while something else is done: what is yielded waits for it."""
+def compiling(draft: Draft, numpy: bool = False) -> Iterator[Callable[[], Compiled]]:
+    """Draft → compiled module, while something else is done: what is yielded waits for it.
+
+    With `numpy` a module that runs on NumPy will do where what was compiled cannot be loaded.
+    """
+    finish = _finished_or_numpy if numpy else _finished
     with ThreadPoolExecutor(1) as thread:
         binaries = thread.submit(_binaries, draft)
-        finished = functools.cache(lambda: _finished(draft, binaries.result()))
+        finished = functools.cache(lambda: finish(draft, binaries.result()))
         try:
             yield finished
         except BaseException:  # nobody waits for the compiler any more
@@ -252,6 +260,18 @@ def _finished(draft: Draft, stored: bool) -> Compiled:
     return Compiled(files, module, True, "", stored)
 
 
+def _finished_or_numpy(draft: Draft, stored: bool) -> Compiled:
+    """The same; without its binaries where they cannot be loaded."""
+    try:
+        return _finished(draft, stored)
+    except UnusableError as error:
+        for name in (*_listed(draft.folder), toolchain.BINARIES):
+            (draft.folder / name).unlink(missing_ok=True)
+        texts = {name: text.encode() for name, text in draft.texts.items()}
+        said = f"{error.diagnostics[0].message}, so the module runs on NumPy"
+        return Compiled(texts, loaded(draft.folder), False, said)
+
+
 def _checked(draft: Draft) -> ModuleType:
     """The module, when it runs on what was compiled; ToolchainError else."""
     module = loaded(draft.folder)
@@ -265,7 +285,7 @@ def _checked(draft: Draft) -> ModuleType:
             raise ImportError(f"it runs on {module.backend}, not on its {wanted}")
     except (ImportError, OSError, AttributeError, UnicodeDecodeError) as error:
         said = " ".join(str(error).replace(f"{draft.folder}{os.sep}", "").split())
-        raise ToolchainError(
+        raise UnusableError(
             f"{' '.join(draft.command)} ended without an error, "
             f"but what it made cannot be loaded: {said}",
             hint=RUNNABLE,

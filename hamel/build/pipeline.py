@@ -70,7 +70,7 @@ def build(
 
     with clock("code", "Program → texts"):
         texts = emit(program)
-    with drafted(program.name, texts) as draft, compiling(draft) as finished:
+    with drafted(program.name, texts) as draft, compiling(draft, options.numpy) as finished:
         if not (draft.command or options.numpy):
             raise _without_compiler(finished())
         # the compiler works meanwhile, so that page and reference take hardly any time of their own
@@ -96,9 +96,10 @@ def build(
         publish(place, files)
     record = _record(program, place, compiled, files, clock)
     record = replace(record, targets=targets)
-    unchecked = any(how.startswith(UNCHECKED) for how in targets.values())
+    waits = any(how.startswith(UNCHECKED) for how in targets.values())
+    unloaded = draft.command and not compiled.compiled  # perhaps for a reason that passes
     # it was not edited meanwhile, and nothing of it waits for a tool
-    if key == file_key(path, options.said()) and not unchecked:
+    if key == file_key(path, options.said()) and not waits and not unloaded:
         remember(key, record, files)
     return record
 

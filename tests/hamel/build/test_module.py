@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from codegen import compiler, loader
+from codegen.emit import emit
 from codegen.passes import program
 from codegen.program import Program
 from derive.diagnostics import ToolchainError, VerificationError
@@ -123,6 +124,33 @@ def test_a_compiler_that_fails_is_refused_in_one_line(
     assert not (tmp_path / "out").exists() and not list(own_store.glob("compiled-*"))
     script('exec cc "$@"')
     assert published(small, tmp_path / "out" / "toy", compiler=[broken]).compiled
+
+
+def test_what_cannot_be_loaded_is_told_by_its_script(
+    small: Program, tmp_path: Path, script, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """build.py on the machine where the module is to be used."""
+    monkeypatch.setenv("CC", script(FAULTS["another machine"][0]))
+    folder = tmp_path / "toy"
+    folder.mkdir()
+    for name, text in emit(small).items():
+        (folder / name).write_text(text)
+    command = [sys.executable, "build.py"]
+    done = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
+    assert done.returncode == 1 and done.stdout.startswith("made libtoy")
+    assert "made cannot be loaded here: " in done.stderr and "Traceback" not in done.stderr
+
+
+def test_numpy_will_do_where_nothing_can_be_loaded(small: Program, script) -> None:
+    broken = script(FAULTS["another machine"][0])
+    with (
+        module.drafted("toy", emit(small), [broken]) as draft,
+        module.compiling(draft, numpy=True) as finished,
+    ):
+        built = finished()
+        assert not built.compiled and built.module.backend == "numpy"
+        assert "cannot be loaded" in built.message and built.message.endswith("runs on NumPy")
+        assert not [name for name in built.files if name.endswith((".so", "binaries.json"))]
 
 
 def test_junk_would_be_taken_without_the_check(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sysconfig
@@ -87,3 +88,17 @@ def test_no_file_has_a_warning(folder: Path, compiler: str) -> None:
         command = [compiler, *STRICT, *includes, source.name]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("flags", ["-O2", "-O2 -g -fsanitize=address,undefined"])
+def test_gcc_notes_nothing_while_it_makes_code(folder: Path, flags: str) -> None:
+    """What it says of calls with vectors comes late, and as a note that is no error."""
+    if not shutil.which("gcc"):
+        pytest.skip("gcc is not installed: its notes were not looked at")
+    command = ["gcc", *STRICT[:-2], *flags.split(), "-c", "-o", os.devnull]
+    for source in sorted(folder.glob("*.c")):
+        if not source.name.endswith("_module.c"):
+            call = [*command, source.name]
+            done = subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
+            assert done.returncode == 0 and not done.stderr, done.stderr

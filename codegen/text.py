@@ -6,7 +6,7 @@ import functools
 import json
 import math
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -217,6 +217,15 @@ def wrapped(text: str, width: int = 110, indent: str = "") -> str:
     ) or ""
 
 
+ENTRIES = 12  # that a message names
+
+
+def entries(names: Sequence[str]) -> str:
+    """What the entries of an array are called, behind a message about it; not all of many."""
+    said = ", ".join(names[:ENTRIES]) + (", …" if len(names) > ENTRIES else "")
+    return f": {said}" if said else ""
+
+
 @functools.cache
 def _environment() -> jinja2.Environment:
     environment = templates.environment(
@@ -233,6 +242,7 @@ def _environment() -> jinja2.Environment:
         "matlab": matlab_string, "doc": python_doc,
         "number": number, "xml": xml,
         "py_number": functools.partial(number, language=NUMPY), "wrapped": wrapped,
+        "entries": entries,
     }  # fmt: skip
     environment.filters.update(filters)  # pyright: ignore[reportUnknownMemberType]  # jinja2 leaves them open
     return environment

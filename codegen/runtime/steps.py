@@ -73,6 +73,8 @@ class Face:
         """x and h with the number of the method and that of the substeps behind them."""
         if method not in METHODS:
             raise ValueError(f"{self.name}() has no method {method!r}; it has {', '.join(METHODS)}")
+        if not hasattr(substeps, "__index__"):
+            raise TypeError(f"{self.name}() needs a whole number of substeps, got {substeps!r}")
         many = operator.index(substeps)
         if not 1 <= many <= MOST:
             raise ValueError(f"{self.name}() needs substeps from 1 to {MOST}, got {many}")

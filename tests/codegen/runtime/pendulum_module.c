@@ -6,6 +6,8 @@
 #define MODEL "pendulum"
 #define REAL "float64"
 #define REALS "doubles"
+#define U_NAMES ": tau"
+#define P_NAMES ": g"
 #define DEFAULTS gravity
 enum { NU = 1, NP = 1, MOST_X = 2 };
 

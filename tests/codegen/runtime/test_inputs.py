@@ -27,7 +27,8 @@ pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C c
 # m x'' = F, and a second input that damps
 CART = """model: cart
 coordinates: {x: m}
-kinetic: 1 kg*der(x)^2/2
+parameters: {mass: 1 kg}
+kinetic: mass*der(x)^2/2
 inputs: {F: {unit: N}, brake: {unit: N*s/m}}
 forces: {x: F - brake*der(x)}
 """
@@ -242,8 +243,8 @@ int main(void)
     static double workspace[1 << 20], x[2], u[2], out[2], work[1], t0[1], times[1] = {1.0};
     static cart_end end;
     cart_inputs inputs = {0};
-    cart_motions all = {.rows = 1, .n = 1, .t0 = t0, .times = times, .x = x, .u = u, .rtol = 1e-6,
-        .atol = 1e-6, .budget = 99, .x_out = out, .work_out = work, .ends = &end, .inputs = &inputs};
+    cart_motions all = {.rows = 1, .n = 1, .t0 = t0, .times = times, .x = x, .u = u, .p = cart_defaults,
+        .rtol = 1e-6, .atol = 1e-6, .budget = 99, .x_out = out, .work_out = work, .ends = &end, .inputs = &inputs};
     int by_stages, by_series;
     if (cart_workspace() > sizeof workspace)
         return 9;
@@ -317,14 +318,13 @@ def test_one_row_that_gets_no_number_ends_alone(cart: ModuleType) -> None:
 @pytest.mark.parametrize(
     ("u", "how", "said"),
     [
-        ({"F": Table([0, 1, 1], [1, 2, 3])}, {}, "times do not increase from 1 to 2"),
-        ({"F": Table([0, 1, 3], [1, np.nan, 3])}, {}, "value 1 is not finite"),
         ({"F": Table([0, 1], [1, 2])}, {}, "table of 'F' ends at t = 1, the motion at t = 2"),
         ({"F": Table([0.5, 3], [1, 2])}, {}, "table of 'F' begins at t = 0.5"),
-        ({"F": Table([0, 3], [1, 2, 3])}, {}, "do not belong to each other"),
-        ({"F": Table([0, 3], [1, 2], "square")}, {}, "no kind 'square'"),
-        ({"f": 1.0}, {}, "no input 'f'; it has F, brake"),
+        ({"f": 1.0}, {}, "no input 'f', perhaps 'F'; it has F, brake"),
         ([1.0, 2.0], {"sample": 0.1}, "no function as u"),
+        ([1.0], {}, r"simulate\(\) needs 2 values along the last axis of 'u'"),
+        (None, {"p": [1.0] * 9}, r"simulate\(\) needs \d values along the last axis of 'p'"),
+        (None, {"p": {"masss": 1.0}}, "no parameter 'masss', perhaps 'mass'; it has mass"),
         (brake, {"sample": -1.0}, "a sample time above zero"),
         (brake, {"sample": [0.0, 0.0]}, "sample times that increase"),
     ],
@@ -340,6 +340,56 @@ def test_what_makes_no_sense_is_refused(
         }
     with pytest.raises(ValueError, match=said):
         cart.simulate((0.0, 2.0), [0.0, 0.0], u, **how)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (([0, 1, 1], [1, 2, 3]), "times do not increase from 1 to 2"),
+        (([0, 0], [0, 1]), "times do not increase from 0 to 1"),
+        (([0, 1, 3], [1, np.nan, 3]), "value 1 is not finite"),
+        (([0, 3], [1, 2, 3]), "do not belong to each other"),
+        (([0, 3], [1, 2], "square"), "no kind 'square'"),
+        (([0, 1, 2], [[1, 2]] * 2), "do not belong to each other"),
+        (([0, 0, 2], [[1, 2]] * 3), "times do not increase"),
+    ],
+)
+def test_what_is_no_table_is_refused_when_it_is_made(given: tuple[Any, ...], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        Table(*given)
+
+
+def test_a_table_of_all_inputs_has_its_times_first() -> None:
+    assert np.shape(Table([0, 1, 2], [[1, 2]] * 3).values) == (3, 2)
+    assert np.shape(Table([0, 1], [[1, 2]] * 2).values) == (2, 2)
+
+
+def test_parameters_by_name_leave_the_others_as_they_are(cart: ModuleType) -> None:
+    p = 2.0 * cart.defaults
+    x = [1.0, 0.0]
+    named = cart.simulate((0.0, 2.0), x, [1.0, 0.5], {cart.parameters[0]: p[0]})
+    np.testing.assert_array_equal(named.x, cart.simulate((0.0, 2.0), x, [1.0, 0.5], p).x)
+    assert not np.allclose(named.x, cart.simulate((0.0, 2.0), x, [1.0, 0.5]).x)
+    many = cart.simulate((0.0, 2.0), x, None, {cart.parameters[0]: [1.0, 2.0, 3.0]})
+    assert many.x.shape == (3, 2, 2)
+
+
+@pytest.mark.parametrize("events", ["x", 3, [abs]])
+def test_events_that_are_no_functions_by_name_are_refused(cart: ModuleType, events: Any) -> None:
+    with pytest.raises(
+        TypeError, match=r"simulate\(\) needs functions f\(t, x\) by name as events"
+    ):
+        cart.simulate((0.0, 1.0), [0.0, 0.0], events=events)
+
+
+@pytest.mark.parametrize(
+    "how", [{"rtol": "x"}, {"atol": None}, {"step_size": "a"}, {"threads": 1.5}, {"max_steps": "a"}]
+)
+def test_what_is_no_number_is_refused_by_name(cart: ModuleType, how: dict[str, Any]) -> None:
+    with pytest.raises(
+        TypeError, match=rf"simulate\(\) needs a .*number as {next(iter(how))}, got"
+    ):
+        cart.simulate((0.0, 1.0), [0.0, 0.0], **how)
 
 
 def test_sample_times_do_not_gain_one_by_rounding() -> None:

@@ -79,7 +79,9 @@ class Shared:
     def real(self, name: str, letter: str, value: Any) -> np.ndarray:
         return np.asarray(value, float)
 
-    def prepare(self, name: str, t: Any, x: Any, u: Any, p: Any) -> Any:
+    DEFAULTS = np.array([1.0])
+
+    def prepare(self, name: str, t: Any, x: Any, u: Any, p: Any, asked: str | None = None) -> Any:
         given = [np.asarray(v, float) for v in (t, x, u, [1.0] if p is None else p)]
         leads = [given[0].shape, *(value.shape[:-1] for value in given[1:])]
         return given, np.broadcast_shapes(*leads)
@@ -101,6 +103,7 @@ def facts(**changes: Any) -> Facts:
         nq=1,
         nz=0,
         inputs=("F",),
+        parameters=(),
         methods=METHODS,
         enforcements=("none", "partitioning"),
         staged=("partitioning",),

@@ -171,6 +171,12 @@ def test_all_ways_to_call_say_the_same(arm: ModuleType, method: str, name: str) 
             np.testing.assert_allclose(got, want, rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.parametrize("substeps", [1.5, "two", None])
+def test_substeps_are_whole_numbers(arm: ModuleType, substeps: object) -> None:
+    with pytest.raises(TypeError, match=r"step\(\) needs a whole number of substeps, got"):
+        arm.step(0.3, np.append(ARM_STATE, 1e-3), [0.7], substeps=substeps)
+
+
 def test_dry_friction_is_refused_and_not_answered(arm: ModuleType) -> None:
     """A millisecond through regularised friction, from 0.01 rad/s: no such step is OK, and the
     estimate says why; with steps that are short enough both methods agree."""

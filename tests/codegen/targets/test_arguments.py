@@ -61,6 +61,22 @@ def test_a_read_only_result_is_refused_and_stays_as_it_is(binding: Any, tmp_path
         binding.dynamics(0.0, np.tile(X, (3, 1)), [0.0], out=many)
 
 
+@pytest.mark.parametrize(
+    ("letter", "said"),
+    [
+        ("p", "3 .* as 'p', not a dict: "),
+        ("u", "1 .* as 'u', not a dict: "),
+        ("x", "4 .* as 'x', not a dict$"),
+    ],
+)
+def test_a_dict_is_no_array(module: ModuleType, binding: Any, letter: str, said: str) -> None:
+    given: dict[str, Any] = {"t": 0.0, "x": X, "u": [0.0], "p": None, letter: {"a": 1.0}}
+    with pytest.raises(TypeError, match=rf"^dynamics\(\) needs an array of {said}") as error:
+        binding.dynamics(**given)
+    names = {"p": module.parameters, "u": module.inputs}.get(letter, ())
+    assert str(error.value).endswith(", ".join(names))
+
+
 NOT_REAL = {
     "complex": 1.0 + 2.0j,
     "complex without an imaginary part": 1.0 + 0.0j,

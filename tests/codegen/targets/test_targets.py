@@ -461,6 +461,14 @@ def test_batches_on_threads(module: ModuleType) -> None:
         )
     with pytest.raises(TypeError):
         module.threaded(module.dynamics, 2)(t, x)
+    x[[20, 31]] = np.nan
+    for binding in bindings(module):
+        with pytest.warns(RuntimeWarning) as alone:
+            binding.dynamics(t, x, u)
+        with pytest.warns(RuntimeWarning) as divided:
+            module.threaded(binding.dynamics, 5)(t, x, u)
+        assert [str(each.message) for each in divided] == [str(alone[0].message)]
+        assert "2 of 37 rows failed and are NaN; row 20: not finite" in str(alone[0].message)
     with pytest.raises(ValueError, match="one thread or more, not 0"):
         module.threaded(module.dynamics, 0)
     with pytest.raises(TypeError, match="takes a function of the module, such as dynamics, not 3"):

@@ -251,7 +251,8 @@ def _watch(facts: Facts, events: Any) -> Watch | None:
         raise TypeError(
             f"simulate() needs functions f(t, x) by name as events, or False, got {events!r}"
         )
-    watch = Watch(facts.events, events, facts.nx + facts.frame, facts.real)
+    given = cast(Mapping[str, Any] | None, events)
+    watch = Watch(facts.events, given, facts.nx + facts.frame, facts.real)
     if watch.functions:
         watch.callback = Callback(watch.values, facts.nx, len(watch.functions), facts.real)
     return watch

@@ -118,7 +118,16 @@ def _names(reader: Reader, document: Document) -> tuple[list[Frame], Names]:
     units = states.enter(reader, document)
     named_frames.check_names(reader, document)
     late = delays.delays(reader, document, inputs)
-    own = Names(parameters, coordinates, velocities, inputs, (), units, late)
+    own = Names(
+        parameters,
+        coordinates,
+        velocities,
+        inputs,
+        (),
+        units,
+        late,
+        frames.rates(names, velocities),
+    )
     check_collisions(reader, document, own)
     reader.finish()
     return names, replace(own, definitions=definitions.definitions(reader, document))

@@ -50,6 +50,8 @@ class Names:
     definitions: tuple[tuple[str, Expression], ...]
     states: Mapping[str, str] = field(default_factory=dict[str, str])  # units by name
     delays: tuple[Delay, ...] = ()
+    # generalized velocities, and rates of coordinates that are none
+    rates: tuple[Velocity, ...] = ()
 
     def coordinate(self, name: str | None) -> Coordinate | None:
         """The coordinate of that name; None where there is none."""
@@ -241,6 +243,23 @@ def _velocities(
         name = f"der({rate_of})" if rate_of else f"{key}.{slot.suffix}"
         velocities.append(Velocity(name, slot.unit, str(key), rate_of, key.span))
     return tuple(velocities)
+
+
+def rates(joints: list[Frame], velocities: tuple[Velocity, ...]) -> tuple[Velocity, ...]:
+    """All that a force can be conjugate to: the generalized velocities, and of joints whose
+    coordinates have other rates these, but for quaternions, whose four entries are not free."""
+    others = (
+        Velocity(f"der({x.name})", f"{x.unit or '1'}/s", "", x.name, x.span)
+        for frame in joints
+        for x in _free_to_change(frame)
+    )
+    return velocities + tuple(others)
+
+
+def _free_to_change(frame: Frame) -> tuple[Coordinate, ...]:
+    first, own = frame.type.unit_from, {velocity.rate_of for velocity in frame.velocities}
+    found = frame.coordinates if first < 0 else frame.coordinates[:first]
+    return tuple(x for x in found if x.name not in own)
 
 
 def analytic_coordinates(

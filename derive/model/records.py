@@ -450,6 +450,15 @@ class Model:
         return {**rates, **self._velocities}
 
     @cached_property
+    def other_rates(self) -> dict[str, Velocity]:
+        """By der(q) the rates of coordinates that are no generalized velocities."""
+        return {
+            name: Velocity(name, f"{x.unit or '1'}/s", x.owner, x.name, x.span)
+            for x in self.coordinates
+            if self.conjugate_index(name := f"der({x.name})") is None
+        }
+
+    @cached_property
     def _bodies(self) -> dict[str, Body]:
         return {body.name: body for body in self.bodies}
 

@@ -152,7 +152,7 @@ class Document(Entry):
     )
     forces: dict[Name, Formula] = Field(
         {},
-        description="Generalised forces of the analytic form, per coordinate.",
+        description="Generalised forces per coordinate, of joints too; their work is F·dq.",
         json_schema_extra=term("parts of Q, per coordinate", "N | N*m"),
     )
     loads: dict[Name, Load] = Field(

@@ -93,6 +93,12 @@ def _unit_of(declared: Sequence[Coordinate] | Sequence[Velocity], name: str) -> 
     return next((x.unit for x in declared if x.name == name), "")
 
 
+def _rate_unit(doc: Manuscript, name: str) -> str:
+    """Of a generalized velocity, or of the rate of a coordinate that is none."""
+    model = doc.system.model
+    return _unit_of((*model.velocities, *model.other_rates.values()), name)
+
+
 def _joint_spring(doc: Manuscript, x: JointSpring) -> Runs:
     unit = _unit_of(doc.system.model.coordinates, x.coordinate)
     return runs(
@@ -105,7 +111,7 @@ def _joint_spring(doc: Manuscript, x: JointSpring) -> Runs:
 
 def _per_rate(doc: Manuscript, name: str) -> str:
     """The unit of a force per generalized velocity."""
-    unit = _unit_of(doc.system.model.velocities, name)
+    unit = _rate_unit(doc, name)
     return per(force_unit(unit), unit)
 
 
@@ -119,7 +125,7 @@ def _joint_damper(doc: Manuscript, x: JointDamper) -> Runs:
 
 def _joint_friction(doc: Manuscript, x: JointFriction) -> Runs:
     """Against a generalized velocity: what is proportional to it, and what is not."""
-    unit, rate = _unit_of(doc.system.model.velocities, x.velocity), velocity(doc, x.velocity)
+    unit, rate = _rate_unit(doc, x.velocity), velocity(doc, x.velocity)
     viscous = runs(
         "viscous coefficient {value}",
         value=measured(doc, x.viscous, x.name, _per_rate(doc, x.velocity)),
@@ -341,7 +347,7 @@ def _exhaust(doc: Manuscript, x: Exhaust) -> Runs:
 
 
 def _generalised(doc: Manuscript, x: GeneralisedForce) -> Runs:
-    unit = force_unit(_unit_of(doc.system.model.velocities, x.velocity))
+    unit = force_unit(_rate_unit(doc, x.velocity))
     return runs(
         "generalised force along {velocity}: {force}",
         velocity=velocity(doc, x.velocity),

@@ -134,8 +134,12 @@ def driven(doc: Manuscript, x: Input) -> Runs:
 
 
 def velocity(doc: Manuscript, name: str) -> Math | str:
-    """A generalized velocity by its symbol."""
-    return _symbol(doc, name, doc.v, doc.system.model.velocity_index)
+    """A generalized velocity by its symbol, or the rate of a coordinate that is none."""
+    model = doc.system.model
+    if name in model.other_rates:
+        symbol = doc.q[model.coordinate_index(model.other_rates[name].rate_of)]
+        return Math(names.dotted(doc.notation.latex[symbol]))
+    return _symbol(doc, name, doc.v, model.velocity_index)
 
 
 def coordinate(doc: Manuscript, name: str) -> Math | str:

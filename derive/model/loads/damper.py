@@ -55,7 +55,7 @@ def damper(
         damping = reader.formula(entry.coefficient, "a damping coefficient", unit="N*s/m")
         return PointSpring(str(key), pair, points, ZERO, ZERO, damping, key.span)
     refuse_keys(reader, key, entry, ("at",), "between two points")
-    target = velocity_of(reader, key, entry, names.velocities)
+    target = velocity_of(reader, key, entry, names.rates)
     return None if target is None else damper_at(reader, key, str(key), entry.coefficient, target)
 
 

@@ -52,9 +52,10 @@ class At:
 def law(
     reader: Reader, document: Bodies, names: Names, key: Key, entry: ExpressionEntry
 ) -> GeneralisedForce | None:
-    """A force by formula along a generalized velocity, in the unit conjugate to it: N for m/s, N m
-    for rad/s. None where the target is not known, which is reported."""
-    target = velocity_of(reader, key, entry, names.velocities)
+    """A force by formula along a generalized velocity or the rate of a coordinate, in the unit
+    conjugate to it: N for m/s, N m for rad/s. None where the target is not known, which is
+    reported."""
+    target = velocity_of(reader, key, entry, names.rates)
     if target is None:
         return None
     return GeneralisedForce(
@@ -67,7 +68,7 @@ def generalised_force(
 ) -> GeneralisedForce | None:
     """An entry of `forces:`, added to the force along one coordinate."""
     target = velocity_of(
-        reader, key, At(coordinate=Scalar(str(key), key.span, True, True)), names.velocities
+        reader, key, At(coordinate=Scalar(str(key), key.span, True, True)), names.rates
     )
     if target is None:
         return None

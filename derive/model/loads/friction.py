@@ -40,7 +40,7 @@ def friction(
     reader: Reader, document: Bodies, names: Names, key: Key, entry: FrictionEntry
 ) -> JointFriction | None:
     """The record; None after reporting."""
-    target = velocity_of(reader, key, entry, names.velocities)
+    target = velocity_of(reader, key, entry, names.rates)
     return None if target is None else friction_at(reader, key, str(key), entry, target)
 
 

@@ -228,3 +228,43 @@ def test_structural_zeros_are_floats() -> None:
     sparse[1, 0] = 2
     rows = scalars(sparse)
     assert rows[0][0] == 0.0 and rows[1][0] == 2.0 and isinstance(rows[1][0], float)
+
+
+TWISTED = """
+model: twisted
+bodies: {{s: {{mass: 2 kg, inertia: [1, 2, 2.5]}}}}
+joints:
+  base: {{type: free, parent: ground, child: s, position: [x, y, z],
+         orientation: {{euler: zxy, angles: [yaw, lean, spin]}}}}
+{forces}
+"""
+# a torque along the axis of one angle does work along another that is not at right angles to it
+SAME = {
+    "forces: {x: 3 N}": "loads: {f: {type: force, body: s, components: [3, 0, 0]}}",
+    "loads: {e: {type: expression, coordinate: y, expression: x*(2 N/m)}}": (
+        "loads: {f: {type: force, body: s, components: [0, x*(2 N/m), 0]}}"
+    ),
+    "forces: {yaw: 2 N*m, spin: (2 N*m)*sin(lean)}": "loads: {f: {type: torque, body: s, components: [0, 0, 2]}}",
+    "forces: {spin: 2 N*m, yaw: (2 N*m)*sin(lean)}": (
+        "loads: {f: {type: torque, body: s, frame: body, components: [0, 2, 0]}}"
+    ),
+    "loads: {d: {type: damper, coordinate: z, coefficient: 5}}": (
+        "loads: {f: {type: force, body: s, components: [0, 0, -(5 N*s/m)*der(z)]}}"
+    ),
+    "loads: {d: {type: friction, coordinate: z, viscous: 5}}": (
+        "loads: {f: {type: force, body: s, components: [0, 0, -(5 N*s/m)*der(z)]}}"
+    ),
+}
+
+
+@pytest.mark.parametrize("given", SAME)
+def test_a_force_on_a_coordinate_does_the_work_of_its_rate(given: str) -> None:
+    """Its Q = Nᵀ F is that of the force or torque along what the coordinate moves."""
+    rng = np.random.default_rng(2)
+    q, v = rng.uniform(-1, 1, 6), rng.uniform(-1, 1, 6)
+    found = [
+        np.array(ca.Function("Q", [s.q, s.v], [s.Q])(q, v)).ravel()
+        for s in (system(load_text(TWISTED.format(forces=x))) for x in (given, SAME[given]))
+    ]
+    assert np.abs(found[0]).max() > 0.1
+    np.testing.assert_allclose(found[0], found[1], atol=1e-13)

@@ -1474,6 +1474,14 @@ ERRORS = [
         "",
     ),
     (
+        "force_on_a_quaternion",
+        "model: top\nbodies: {b: {mass: 1 kg, inertia: 1}}\n"
+        "joints: {A: {type: ball, parent: ground, child: b}}\nforces: {«A_qw: 1 N*m}\n",
+        "der(A_qw) is not a generalized velocity of its joint",
+        "a joint with one velocity",
+        "",
+    ),
+    (
         "input_unit",
         ARM + "inputs: {u: {joint: A, unit: «N}}\n",
         "an input in N at a place that takes N*m",

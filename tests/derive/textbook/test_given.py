@@ -239,6 +239,10 @@ def loaded(load: str, base: str = TWO) -> str:
             "type: friction, velocity: free.w, viscous: b*(1 N*s/rad)",
             r"friction against \omega^{free}: viscous coefficient b",
         ),
+        (
+            "type: damper, coordinate: z, coefficient: 3 N*s/m",
+            r"damper on \dot{z}: coefficient 3 N s/m",
+        ),
         ("type: armature, joint: rail, inertia: 0.2 kg", r"0.2 kg is added to what is felt along"),
         (
             "type: armature, velocity: free.w, inertia: 0.2 kg*m^2",

@@ -72,6 +72,17 @@ constraints:
 FAMILIES = {
     "tree": ARM, "rheonomic": CAR_AXIS, "everything": EVERYTHING, "redundant": REDUNDANT, "standing": STANDING,
 }  # fmt: skip
+ON_COORDINATES = """
+model: thrown
+bodies: {s: {mass: 2 kg, inertia: [1, 2, 2.5]}}
+joints:
+  base: {type: free, parent: ground, child: s, position: [x, y, z],
+         orientation: {euler: zxy, angles: [yaw, lean, spin]}}
+forces: {x: (1 N)*cos(yaw), lean: (2 N*m)*sin(x/(1 m))}
+loads:
+  drag: {type: damper, coordinate: y, coefficient: 0.3}
+  rub: {type: friction, coordinate: spin, viscous: 0.3}
+"""
 
 
 def shown(found):
@@ -104,6 +115,17 @@ def test_models_of_every_kind_pass(name, formulation):
     model = load_text(FAMILIES[name])
     found = verification(model, equations(system(model), None, formulation), states=20)
     assert found.passed, shown(found)
+
+
+@pytest.mark.slow
+def test_forces_on_coordinates_whose_rates_are_no_velocities():
+    """They pass, and every error planted in what they do is seen."""
+    model = load_text(ON_COORDINATES)
+    chosen = equations(system(model))
+    found = verification(model, chosen, states=FEW)
+    assert found.passed, shown(found)
+    planted = mutations(model, chosen, most=60)
+    assert planted.caught == planted.planted > 30
 
 
 @pytest.mark.slow

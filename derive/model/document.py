@@ -11,7 +11,7 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -33,6 +33,7 @@ NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _BRACED = re.compile(r"\w\{")  # of a name with an index, such as link{i}
 _TAG = "tag:yaml.org,2002:"  # what !! stands for
 COMMA = 'inside { } and [ ] a formula with a comma stands in quotes: "max(a, b)"'
+BRACKETS = 'a formula that holds [ ] stands in quotes: "position(a, [0, 1 m]).x"'
 
 
 def content(path: str | PathLike[str], most: int) -> bytes:
@@ -123,12 +124,20 @@ class Source:
         self.lines = _BREAK.split(text)
         self.others: list[Source] = []
 
+    def of(self, span: Span) -> Source:
+        """The file that a place is in."""
+        return self if span.file == self.number else self.others[span.file - 1]
+
+    def line(self, span: Span) -> str:
+        """The line that a place is in; "" where there is none."""
+        lines = self.of(span).lines
+        return lines[span.line - 1] if 0 < span.line <= len(lines) else ""
+
     def diagnostic(
         self, span: Span, message: str, expected: str = "", hint: str = ""
     ) -> Diagnostic:
         """A problem at a place of this file, with the line it stands in for the caret."""
-        source = self if span.file == self.number else self.others[span.file - 1]
-        line = source.lines[span.line - 1] if 0 < span.line <= len(source.lines) else ""
+        source, line = self.of(span), self.line(span)
         place = (source.file, span.line, span.column, span.length)
         return Diagnostic(*place, message, expected, hint, line, span.where)
 
@@ -217,6 +226,24 @@ def is_cut(node: Node) -> TypeGuard[Scalar]:
     return node.plain and node.text.count("(") > node.text.count(")")
 
 
+def check_commas(source: Source, values: Iterable[Node]) -> None:
+    """Of max(1, 1, 2) without quotes in [ ] and { } each comma starts an entry: it is no number of
+    components that is wrong, what is given twice is no key, and a bracket is closed."""
+    for value in values:
+        if is_cut(value) and _is_before_comma(source, value):
+            source.refuse(
+                value.span,
+                f"'{value.text}' ends at a comma, within its brackets",
+                "a formula in quotes",
+                COMMA,
+            )
+
+
+def _is_before_comma(source: Source, value: Scalar) -> bool:
+    line = source.line(value.span)
+    return line[value.span.column - 1 + len(value.text) :].lstrip().startswith(",")
+
+
 def _opening(span: Span) -> Span:
     return replace(span, length=1)
 
@@ -237,6 +264,7 @@ def _refuse_yaml(source: Source, error: yaml.MarkedYAMLError) -> NoReturn:
         span,
         f"not valid YAML: {error.problem or error.context}{since}",
         _yaml_advice(error.problem or "", error.context or "", text),
+        BRACKETS if text[: span.column - 1].rstrip().endswith("]") else "",
     )
 
 
@@ -304,7 +332,10 @@ class _Builder:
         if isinstance(event, yaml.ScalarEvent):
             return self.scalar(event, span)
         if isinstance(event, yaml.SequenceStartEvent):
-            return Items(self.items(depth), span)
+            entries = self.items(depth)
+            if event.flow_style:
+                check_commas(self.source, entries[:-1])
+            return Items(entries, span)
         return Entries(self.entries(depth), span)
 
     def items(self, depth: int) -> list[Node]:
@@ -322,7 +353,7 @@ class _Builder:
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
             key = self.key(event)
             if key in places:
-                self._check_commas(entries)
+                check_commas(self.source, entries.values())
                 first = places[key]
                 self.source.refuse(
                     key.span,
@@ -332,22 +363,6 @@ class _Builder:
             places[key] = key.span
             entries[key] = self.node(next(self.events), depth + 1)
         return entries
-
-    def _check_commas(self, entries: Mapping[Key, Node]) -> None:
-        """Of max(1, 1, 2) without quotes in { } each comma starts an entry: what is given twice is
-        no key."""
-        for value in entries.values():
-            if is_cut(value) and self._is_before_comma(value):
-                self.source.refuse(
-                    value.span,
-                    f"'{value.text}' ends at a comma, within its brackets",
-                    "a formula in quotes",
-                    COMMA,
-                )
-
-    def _is_before_comma(self, value: Scalar) -> bool:
-        line = self.source.lines[value.span.line - 1]
-        return line[value.span.column - 1 + len(value.text) :].lstrip().startswith(",")
 
     def key(self, event: Any) -> Key:
         """The key of an entry, with its place. Raises ModelError where it is no plain text."""

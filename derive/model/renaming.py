@@ -18,7 +18,7 @@ from derive.expressions.parser import expression, quantity
 from derive.joints import JOINTS
 from derive.model.composition import SubmodelEntry
 from derive.model.delays import late
-from derive.model.document import Entries, Items, Key, Node, Scalar, Source
+from derive.model.document import Entries, Items, Key, Node, Scalar, Source, check_commas
 from derive.model.grounded import ALONG_AXES, COMPONENTS, grounded, unsaid
 from derive.model.records import GROUND, Span
 from derive.model.repetition import WORDS, with_called
@@ -298,6 +298,7 @@ class _Renaming:
         try:
             places = _places(text, self.known - own)
         except FormulaError as error:
+            check_commas(self.source, [node])
             message, expected, hint = error.detail
             self.source.refuse(node.at(error.at, error.length), message, expected, hint)
         seen_from = f", {self.names[GROUND]}" if self.names[GROUND] != GROUND else ""

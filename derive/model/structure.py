@@ -13,6 +13,7 @@ from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import unit as unit_of
 from derive.model.document import (
     COMMA,
+    NUMBER,
     Entries,
     Items,
     Key,
@@ -89,13 +90,14 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
             )
         if kind == "not_a_list" and key == "gravity":
             expected += " of its components: [0, 0, -9.81], or [0, -9.81] in a plane"
+            hint = _downwards(place, node) or hint
         yield source.diagnostic(place.span, _instead(key, place), expected, hint)
 
 
 def _as_it_should_be(kind: str, section: str, key: Key | None, found: Node) -> str:
     """What stands there, in the form that was expected, where it is plain which that is."""
     match found:
-        case Scalar(text=text) if kind == "not_a_list" and text and not set(text) & set("[]{}"):
+        case Scalar(text=text) if kind == "not_a_list" and _is_list(text, key):
             return f"in brackets: {key}: [{text}]"
         case Entries() if any(name.count(")") > name.count("(") for name in found):
             return COMMA
@@ -114,6 +116,19 @@ def _as_it_should_be(kind: str, section: str, key: Key | None, found: Node) -> s
         case _:
             pass
     return ""
+
+
+def _is_list(text: str, key: Key | None) -> bool:
+    """Whether brackets alone are missing: a single number is no vector with them either."""
+    return bool(text) and not set(text) & set("[]{}") and ("," in text or key == "coordinates")
+
+
+def _downwards(given: Node, model: Entries) -> str:
+    """Gravity as a vector, where the file has its size alone."""
+    if not isinstance(given, Scalar) or not NUMBER.match(given.text) or "," in given.text:
+        return ""
+    zeros = "0, " if "plane" in model else "0, 0, "
+    return f"downwards: gravity: [{zeros}-{given.text.lstrip('+-')}]"
 
 
 _EXPECTED: dict[str, str] = {

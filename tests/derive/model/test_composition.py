@@ -261,6 +261,14 @@ def test_submodels_inside_submodels_and_repeated(tmp_path: Path) -> None:
             ["round.yaml:2:22: error: 'whole.yaml' uses itself", "round.yaml → whole.yaml"],
         ),
         (
+            "{use: cut.yaml}",
+            [
+                "cut.yaml:5:56: error: '(1 N)*max(s' ends at a comma",
+                "near is used at",
+                "whole.yaml:6:13",
+            ],
+        ),
+        (
             "{use: broken.yaml}",
             ["broken.yaml:2:1: error", "the file is used at", "whole.yaml:6:25"],
         ),
@@ -276,6 +284,9 @@ def test_wrong_submodels_are_told_in_both_files(
         "leg": LEG,
         "round": "plane: xy\nsubmodels: {a: {use: whole.yaml}}\nmodel: round\n",
         "broken": "model: {a\n",
+        "cut": "model: cut\nplane: xy\nbodies: {b: {mass: 1 kg}}\n"
+        "joints: {rail: {type: prismatic, parent: ground, child: b, axis: x, coordinate: s}}\n"
+        "loads: {f: {type: expression, joint: rail, expression: (1 N)*max(s, 0)}}\n",
         "space": "model: space\n",
         "energies": "model: energies\nplane: xy\nkinetic: 1 J\n",
     }

@@ -548,6 +548,21 @@ ERRORS = [
         'a formula with a comma stands in quotes: "max(a, b)"',
     ),
     (
+        "formula_cut_in_a_list",
+        BAR + "loads: {f: {type: force, body: b, components: [1 N, «dot(position(b), "
+        "direction(b, x))*(2 N/m)]}}\n",
+        "'dot(position(b)' ends at a comma, within its brackets",
+        "a formula in quotes",
+        'a formula with a comma stands in quotes: "max(a, b)"',
+    ),
+    (
+        "list_in_a_formula_in_a_list",
+        BAR + "loads: {f: {type: force, body: b, components: [-position(b, [0, 1]«).x, 0]}}\n",
+        "not valid YAML",
+        "",
+        'a formula that holds [ ] stands in quotes: "position(a, [0, 1 m]).x"',
+    ),
+    (
         "key_in_the_middle_of_a_formula",
         "model: a\nplane: xy\nbodies: {b: {mass: max(1, «2, 3)}}\n",
         "unknown key '2'",
@@ -985,6 +1000,20 @@ ERRORS = [
         "unknown key 'mass:m'",
         "mass",
         "a blank stands behind the colon: mass: …",
+    ),
+    (
+        "gravity_by_its_size_in_a_plane",
+        "model: a\nplane: xz\ngravity: «9.81 m/s^2\n",
+        "text under 'gravity'",
+        "a list in [ ] of its components",
+        "downwards: gravity: [0, -9.81 m/s^2]",
+    ),
+    (
+        "gravity_by_its_size_in_space",
+        "model: a\ngravity: «-9.81\n",
+        "a number under 'gravity'",
+        "a list in [ ] of its components",
+        "downwards: gravity: [0, 0, -9.81]",
     ),
     (
         "names_without_brackets",

@@ -66,6 +66,7 @@ def built(document: Document, source: Source) -> Model:
     check_tips(reader, model)
     actuators.check_held(reader, model)
     reader.finish()
+    model = replace(model, notes=(*model.notes, *definitions.unused(reader, model.parameters)))
     return actuators.with_courses(with_delays(model, names.delays))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from graphlib import CycleError, TopologicalSorter
 
+from derive.diagnostics import listed
 from derive.expressions import tree
 from derive.expressions.dimensions import BARE, UNKNOWN, Inferred, infer
 from derive.expressions.evaluate import number
@@ -19,6 +20,8 @@ from derive.model.reader import WITH_KINEMATICS, Reader
 from derive.model.records import Parameter
 from derive.model.scope import ANYTHING, PARAMETER, TIME, Symbol, used
 from derive.model.shape import Document
+
+FEW = 3  # names in a note
 
 
 def parameters(reader: Reader, document: Document) -> tuple[Parameter, ...]:
@@ -67,6 +70,16 @@ def _no_names(parsed: Expression, text: str) -> None:
                 "a number with its unit",
                 hint,
             )
+
+
+def unused(reader: Reader, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+    """A note of the parameters that no formula of the file names: likely one is misspelt."""
+    names = [x.name for x in parameters if x.name not in reader.scope.used]
+    if not names:
+        return ()
+    many = len(names) > 1
+    said = f"parameter{'s' * many} {listed(names, FEW)} {'are' if many else 'is'} used nowhere"
+    return (said,)
 
 
 def definitions(reader: Reader, document: Document) -> tuple[tuple[str, Expression], ...]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from derive.expressions.dimensions import infer
 from derive.expressions.parser import unit
-from derive.expressions.tree import Call, Vector
+from derive.expressions.tree import Call, Expression, Name, Rate, Vector, walk
 from derive.model.document import Key, Scalar
 from derive.model.reader import UNREAD, Reader
 from derive.model.records import Event, Output
 from derive.model.rows import components, is_reaction
-from derive.model.scope import ANYTHING, REACTION, VELOCITY, Scope, Symbol
+from derive.model.scope import ANYTHING, PARAMETER, REACTION, VELOCITY, Scope, Symbol
 from derive.model.shape import Document
 from derive.model.study_entries import EventEntry
 
@@ -38,13 +38,23 @@ def _event(reader: Reader, key: Key, entry: Scalar | EventEntry) -> Event:
         direction = reader.choice(entry.direction, DIRECTIONS, "direction", 0)
         stop = reader.answer(entry.stop, otherwise=False)
     formula = reader.formula(scalar, "an event", ANYTHING)
+    if _is_constant(reader, formula):
+        reader.notes.append(f"event {key} never happens: nothing in '{scalar.text}' changes")
     return Event(str(key), formula, scalar.text, direction, stop, key.span)
+
+
+def _is_constant(reader: Reader, formula: Expression) -> bool:
+    """Whether it is of numbers and parameters alone."""
+    leaves = [node for node in walk(formula) if isinstance(node, Name | Rate)]
+    symbols = [reader.scope.symbols.get(node.name) for node in leaves if isinstance(node, Name)]
+    known = len(symbols) == len(leaves) and formula is not UNREAD
+    return known and all(x is not None and x.kinds <= {PARAMETER} for x in symbols)
 
 
 def _with_outputs(reader: Reader, outputs: tuple[Output, ...]) -> Scope:
     """The scope with the names of outputs that are numbers, and of those that are reactions to say
     so."""
-    inner = Scope(aliases=dict(reader.scope.aliases))
+    inner = Scope(aliases=dict(reader.scope.aliases), used=reader.scope.used)
     for name, symbol in reader.scope.symbols.items():
         inner.put(name, symbol)
     for output in outputs:

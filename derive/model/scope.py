@@ -82,6 +82,7 @@ class Scope:
     aliases: dict[str, str] = field(default_factory=dict[str, str])
     dimensions: dict[str, Inferred] = field(default_factory=dict[str, Inferred])
     degrees: dict[str, Degree] = field(default_factory=dict[str, Degree])
+    used: set[str] = field(default_factory=set[str])  # names that formulas have used
     version: int = 0  # another one wherever the names change
 
     def add(self, name: str, symbol: Symbol) -> None:
@@ -108,7 +109,7 @@ class Scope:
 
     def only(self, kinds: frozenset[str]) -> Scope:
         """The part of the scope that holds nothing but the given kinds."""
-        inner = Scope()
+        inner = Scope(used=self.used)
         for name in self.names(kinds):
             inner.put(name, self.symbols[name])
         return inner
@@ -139,6 +140,7 @@ class Scope:
         for node in tree.walk(expression):
             if isinstance(node, tree.Name):
                 aliased |= node.name in self.aliases
+                self.used.add(node.name)
                 self._check_name(node, allowed, where, text)
             elif isinstance(node, tree.Rate):
                 self._check_rate(node, allowed, where, text)

@@ -89,6 +89,7 @@ class Checked:
     moved: Mapping[
         str, Mapping[str, float]
     ]  # held initial values that had to give way: given and used
+    initial: Mapping[str, float]  # the consistent initial state: coordinates, velocities, states
     assumptions: tuple[str, ...]
 
 

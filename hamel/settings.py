@@ -144,6 +144,8 @@ def _evaluated(name: str, text: str, unit: str | None, parameters: Mapping[str, 
         for node in tree.walk(formula)
         if isinstance(node, tree.Name | tree.Rate) and node.name not in parameters
     ]
+    if strange and strange[0].lower() in ("nan", "inf", "infinity"):
+        raise ModelError(f"{name} is set to '{text}'", "it is a finite number")
     if strange:
         raise ModelError(f"{name} is set to '{text}', but '{strange[0]}' is no parameter")
     dimension = infer(formula, {}, text)

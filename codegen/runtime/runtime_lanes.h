@@ -61,7 +61,7 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
     m->failed = OK;
     m->failed_at = 0;
     m->rows.x = all->x_out + place * NX;
-    m->rows.work = all->work_out + place;
+    m->rows.work = all->work_out ? all->work_out + place : NULL;
     m->rows.v = all->v_out ? all->v_out + place * VELOCITY_ROWS : NULL;
     m->rows.chart = all->chart_out ? all->chart_out + place : NULL;
     m->rows.reduced = all->reduced_out ? all->reduced_out + place * NX : NULL;
@@ -84,7 +84,8 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
 static void empty_row(const Rows *rows, size_t k)
 {
     int i;
-    rows->work[k] = NAN;
+    if (rows->work)
+        rows->work[k] = NAN;
     for (i = 0; i < NX; i++)
         rows->x[k * NX + (size_t)i] = NAN;
     for (i = 0; rows->reduced && i < NX; i++)

@@ -498,7 +498,8 @@ static int deliver_row(const Run *r, const Rows *rows, size_t row)
 #if TURNING
     wind(s, x, rows->reduced ? rows->reduced + row * NX : NULL);
 #endif
-    rows->work[row] = s->x[NX];
+    if (rows->work)
+        rows->work[row] = s->x[NX];
     return OK;
 }
 

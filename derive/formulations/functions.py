@@ -104,7 +104,7 @@ def _bias(system: System, motion: Motion) -> Function:
     names = tuple(v.name for v in system.model.velocities)
     about = (
         "bias h(q, v) of the generalized velocities: velocity products, gravity and "
-        "potential forces, M v̇ + h = Q + Aᵀ λ"
+        "what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q"
     )
     value = _formed(system, len(names), lambda: at_motion(system, motion, system.h))
     guards = guards_of(motion, system.h, system) if motion.guards else ()

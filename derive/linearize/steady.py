@@ -86,7 +86,8 @@ def motion_of(equations: Equations, name: str | None) -> SteadyMotion:
     offered = (*known, GUESS)
     raise AssumptionError(
         f"unknown steady motion '{name}'",
-        did_you_mean(name, offered) or f"known: {listed(offered)}",
+        did_you_mean(name, offered)
+        or f"known: {listed(offered)}, an equilibrium found from the initial state",
     )
 
 

@@ -4,6 +4,7 @@ The same file in every generated folder. No claim of licence is made on it: 0BSD
 """
 
 import ctypes
+import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -11,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 KINDS = ("hold", "linear", "cubic")
+NAMED = 12  # inputs or parameters, where one is none
 # NAME_inputs of NAME_simulate.h
 INPUTS = np.dtype(
     [(name, np.uintp) for name in ("knots", "times", "polynomials", "call", "data")], align=True
@@ -31,6 +33,15 @@ class Table:
     times: Any
     values: Any
     kind: str = "linear"
+
+    def __post_init__(self) -> None:
+        _check("Table()", self.kind, *self._arrays())
+
+    def _arrays(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times and values; those of all inputs with their times at the end."""
+        times, values = np.asarray(self.times, dtype=float), np.asarray(self.values, dtype=float)
+        many = times.shape[-1:] != values.shape[-1:] and times.shape[-1:] == values.shape[-2:-1]
+        return times, values.swapaxes(-1, -2) if many else values
 
 
 @dataclass(frozen=True)
@@ -82,48 +93,69 @@ def source(u: Any, names: Sequence[str], real: Callable[[Any], np.ndarray]) -> S
 
 
 def _named(u: Mapping[str, Any], names: Sequence[str], real: Callable[[Any], np.ndarray]) -> Source:
-    unknown = [name for name in u if name not in names]
-    if unknown:
-        raise ValueError(
-            f"simulate() has no input {unknown[0]!r}; it has {', '.join(names) or 'none'}"
-        )
+    check_names("input", u, names)
     tables = {
         names.index(name): _checked(name, value)
         for name, value in u.items()
         if isinstance(value, Table)
     }
-    numbers = {name: real(value) for name, value in u.items() if not isinstance(value, Table)}
+    numbers = {name: value for name, value in u.items() if not isinstance(value, Table)}
+    return Source(filled(real(np.zeros(len(names))), numbers, names, real), tables)
+
+
+def check_names(kind: str, given: Mapping[str, Any], known: Sequence[str]) -> None:
+    """Refuse what is no input or parameter, with the nearest one. Raises ValueError."""
+    for name in given:
+        if name not in known:
+            small = {each.lower(): each for each in known}
+            near = difflib.get_close_matches(str(name).lower(), small, 1, 0.5)
+            meant = f", perhaps {small[near[0]]!r}" if near else ""
+            said = ", ".join(known[:NAMED]) + (", …" if len(known) > NAMED else "")
+            raise ValueError(f"simulate() has no {kind} {name!r}{meant}; it has {said or 'none'}")
+
+
+def filled(
+    usual: np.ndarray,
+    given: Mapping[str, Any],
+    names: Sequence[str],
+    real: Callable[[Any], np.ndarray],
+) -> np.ndarray:
+    """The usual numbers with those that are given by name in their places, over leading axes."""
+    numbers = {name: real(value) for name, value in given.items()}
     lead = np.broadcast_shapes(*(value.shape for value in numbers.values()))
-    constant = real(np.zeros((*lead, len(names))))
+    result = np.broadcast_to(usual, (*lead, *usual.shape)).copy()
     for name, value in numbers.items():
-        constant[..., names.index(name)] = value
-    return Source(constant, tables)
+        result[..., names.index(name)] = value
+    return result
 
 
 def _checked(name: str, table: Table) -> Table:
     """The table as arrays. Raises ValueError where it is none."""
     times = np.asarray(table.times, dtype=float)
     values = np.asarray(table.values, dtype=float)
-    least = 1 if table.kind == "hold" else 2
-    if table.kind not in KINDS:
-        raise ValueError(f"table of {name!r}: no kind {table.kind!r}; there are {', '.join(KINDS)}")
+    _check(f"table of {name!r}", table.kind, times, values)
+    return Table(times, values, table.kind)
+
+
+def _check(table: str, kind: str, times: np.ndarray, values: np.ndarray) -> None:
+    """Refuse what is no table. Raises ValueError."""
+    least = 1 if kind == "hold" else 2
+    if kind not in KINDS:
+        raise ValueError(f"{table}: no kind {kind!r}; there are {', '.join(KINDS)}")
     if not times.ndim or not values.ndim or times.shape[-1] != values.shape[-1]:
         raise ValueError(
-            f"table of {name!r}: times of shape {times.shape} and values of shape {values.shape} "
+            f"{table}: times of shape {times.shape} and values of shape {values.shape} "
             "do not belong to each other"
         )
     if times.shape[-1] < least:
-        raise ValueError(f"table of {name!r}: {table.kind} needs at least {least} times")
+        raise ValueError(f"{table}: {kind} needs at least {least} times")
     for what, array in (("time", times), ("value", values)):
         strange = np.argwhere(~np.isfinite(array))
         if len(strange):
-            raise ValueError(f"table of {name!r}: {what} {strange[0][-1]} is not finite")
+            raise ValueError(f"{table}: {what} {strange[0][-1]} is not finite")
     late = np.argwhere(np.diff(times) <= 0)
     if len(late):
-        raise ValueError(
-            f"table of {name!r}: times do not increase from {late[0][-1]} to {late[0][-1] + 1}"
-        )
-    return Table(times, values, table.kind)
+        raise ValueError(f"{table}: times do not increase from {late[0][-1]} to {late[0][-1] + 1}")
 
 
 def check_cover(tables: Mapping[int, Table], names: Sequence[str], start: Any, end: Any) -> None:

@@ -117,7 +117,7 @@ def mass(t, x, u=None, p=None, out=None):
 
 
 def bias(t, x, u=None, p=None, out=None):
-    """bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
+    """bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q"""
     return _evaluate("bias", t, x, u, p, out)
 
 

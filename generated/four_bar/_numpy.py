@@ -169,7 +169,7 @@ def _bias(t, x, u, p, out):
     sin_z1 = np.sin(z1)
     cos_q3 = np.cos(q3)
 
-    # h: bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ
+    # h: bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q
     z2 = 1.0 + l1 * (cos_q2 - sin_q2 * cos_z1 / sin_z1) / l2
     z3 = q1_dot - q1_dot * z2
     z4 = m2 * l2
@@ -681,7 +681,7 @@ def mass(t, x, u=None, p=None, out=None):
 
 
 def bias(t, x, u=None, p=None, out=None):
-    """bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
+    """bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q"""
     return _evaluate("bias", _bias, t, x, u, p, out)
 
 

@@ -65,6 +65,7 @@ FACTS = Facts(
     nq=3,
     nz=0,
     inputs=("tau", ),
+    parameters=("l1", "l2", "l3", "l4", "m1", "m2", "m3", ),
     methods=METHODS,
     enforcements=("projection", "none", ),
     staged=(),

@@ -34,10 +34,10 @@ const unsigned four_bar_needs = 0
 #ifdef __AVX__
     | 1u
 #endif
-#ifdef __AVX2__
+#ifdef __FMA__
     | 2u
 #endif
-#ifdef __FMA__
+#ifdef __AVX2__
     | 4u
 #endif
 #ifdef __BMI__
@@ -237,7 +237,7 @@ int four_bar_mass(double t, const double *x, const double *u, const double *p, d
     return FOUR_BAR_OK;
 }
 
-/* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: 42 operations */
+/* bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q: 42 operations */
 int four_bar_bias(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double q1 = x[0];
@@ -263,7 +263,7 @@ int four_bar_bias(double t, const double *x, const double *u, const double *p, d
     const double sin_z1 = sines[2];
     const double cos_q3 = cosines[3];
 
-    /* h: bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
+    /* h: bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q */
     const double z2 = 1.0 + l1 * (cos_q2 - sin_q2 * cos_z1 / sin_z1) / l2;
     const double z3 = q1_dot - q1_dot * z2;
     const double z4 = m2 * l2;

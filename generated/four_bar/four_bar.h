@@ -18,7 +18,7 @@ extern "C" {
 #define FOUR_BAR_RESTRICT restrict
 #endif
 
-#define FOUR_BAR_PROGRAM "0b09f6210c2258f478cc0eccbbae37f9"
+#define FOUR_BAR_PROGRAM "2fa618301f729ff586d6caca4f380169"
 
 #define FOUR_BAR_NX 4
 #define FOUR_BAR_NU 1
@@ -85,7 +85,7 @@ int four_bar_dynamics(double t, const double *x, const double *u, const double *
    18 operations; reads x, p. */
 int four_bar_mass(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 
-/* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: out[3].
+/* bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q: out[3].
    42 operations; reads x, p. */
 int four_bar_bias(double t, const double *x, const double *u, const double *p, double *FOUR_BAR_RESTRICT out);
 

@@ -97,7 +97,7 @@ typedef struct {
 } four_bar_simulation;
 
 /* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out and an
-   entry of work_out for each. Returns a status; the structure always holds the last good step.
+   entry of work_out for each, which may be NULL. Returns a status; the structure always holds the last good step.
    q1, q2, q3 go round: nothing that is computed on the way sees their whole turns, so that beyond a turn these are taken
    out, counted and put back in x_out. Angles of many turns have few digits left for the constraints: reduced_out, where it is not
    NULL, gets the rows as they were integrated, without the whole turns. */
@@ -127,7 +127,7 @@ typedef struct {
     int integrator, enforcement, chart; /* the chart that x is in where there are several */
     double step_size, rtol, atol;
     long budget; /* most steps of each */
-    double *x_out, *work_out, *v_out, *chart_out, *reduced_out, *frame_out; /* n rows of each motion; the last four as for four_bar_simulate, or NULL */
+    double *x_out, *work_out, *v_out, *chart_out, *reduced_out, *frame_out; /* n rows of each motion; the last five as for four_bar_simulate, or NULL */
     four_bar_end *ends; /* one of each motion */
     four_bar_simulation *simulations; /* NULL, or one of each motion that is on its way: it goes on from there, `done` counting from 0 again, and is there again afterwards */
     four_bar_watch *events; /* NULL, or of each motion */

@@ -75,7 +75,8 @@ def simulate(
     u are numbers (nu,), a Table of values over time, a dict with numbers or Tables by the names of inputs, or a function f(t, x)
     that returns u: called wherever the integrator wants it, or, with sample=, every `sample` seconds (or at these times) and kept
     until the next, as a digital controller does. Steps end where tables have their times and where functions are asked. A function
-    of ctypes, int f(double t, const double *x, double *u, void *data), is called without Python.
+    of ctypes, int f(double t, const double *x, double *u, void *data), is called without Python. p are numbers (np_,), or a dict of
+    some of the parameters by name: the others have their defaults.
 
     integrator is one of dop853; enforcement, how to stay on the constraints, one of
     none (the first ones when omitted). Steps follow the tolerances rtol and atol, or are equal and

@@ -45,7 +45,7 @@ def mass(
 def bias(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: shape (..., 5)."""
+    """bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q: shape (..., 5)."""
 
 def inverse_dynamics(
     t: ArrayLike, x: ArrayLike, u: ArrayLike | None = None, p: ArrayLike | None = None, out: NDArray[np.float64] | None = None
@@ -101,7 +101,7 @@ def simulate(
     t_span: ArrayLike,
     x: ArrayLike,
     u: ArrayLike | Table | Mapping[str, ArrayLike | Table] | Callable[[float, NDArray[np.float64]], ArrayLike] | None = None,
-    p: ArrayLike | None = None,
+    p: ArrayLike | Mapping[str, ArrayLike] | None = None,
     *,
     rtol: float = 1e-9,
     atol: float = 1e-11,

@@ -50,9 +50,11 @@ class Shared(Protocol):
 
     @property
     def FUNCTIONS(self) -> Mapping[str, tuple[Any, ...]]: ...
+    @property
+    def DEFAULTS(self) -> np.ndarray: ...
     def real(self, name: str, letter: str, value: Any) -> np.ndarray: ...
     def prepare(
-        self, name: str, t: Any, x: Any, u: Any, p: Any
+        self, name: str, t: Any, x: Any, u: Any, p: Any, asked: str | None = None
     ) -> tuple[list[np.ndarray], tuple[int, ...]]: ...
 
 
@@ -95,6 +97,7 @@ class Facts:
     nq: int
     nz: int  # first-order states, the last of x
     inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
     methods: tuple[Method, ...]
     enforcements: tuple[str, ...]
     staged: tuple[str, ...]  # enforcements that act at every stage
@@ -196,7 +199,7 @@ class Facts:
         rows = self.rows.items()
         return {name: np.full((*shape, *own), no, self.real) for name, (own, no) in rows}
 
-    def parameters(self, p: Any) -> Any:
+    def with_frame(self, p: Any) -> Any:
         """With the usual frame where none is given."""
         return self.nullspace.full(p) if self.nullspace and self.frame else p
 

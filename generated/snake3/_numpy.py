@@ -207,7 +207,7 @@ def _bias(t, x, u, p, out):
     cos_phi2 = np.cos(phi2)
     sin_phi2 = np.sin(phi2)
 
-    # h: bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ
+    # h: bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q
     z1 = l / 2.0
     z2 = 2.0 * m * z1
     z3 = om * om
@@ -691,7 +691,7 @@ def mass(t, x, u=None, p=None, out=None):
 
 
 def bias(t, x, u=None, p=None, out=None):
-    """bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ"""
+    """bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q"""
     return _evaluate("bias", _bias, t, x, u, p, out)
 
 

@@ -65,6 +65,7 @@ FACTS = Facts(
     nq=5,
     nz=0,
     inputs=("tau1", "tau2", ),
+    parameters=("l", "m", "J", ),
     methods=METHODS,
     enforcements=("none", ),
     staged=(),

@@ -5,7 +5,7 @@ The same file in every generated folder. No claim of licence is made on it: 0BSD
 
 import functools
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from ._error import coarser, estimate, rows, until_events
 from ._events import Watch
-from ._inputs import Callback, Feed, Source, Table, check_cover, source
+from ._inputs import Callback, Feed, Source, Table, check_cover, check_names, filled, source
 from ._many_motions import many
 from ._model_facts import Facts, Method
 from ._one_motion import Backend, Integration, controlled, follow
@@ -93,11 +93,13 @@ def _automatic(facts: Facts, request: Request) -> str:
 
 def _is_one(request: Request) -> bool:
     """Is it one motion, as far as leading axes tell?"""
-    values: list[Any] = []
     for given in (request.t_span, request.times, request.x, request.u, request.p):
-        mapping = isinstance(given, dict)
-        values += cast(dict[str, Any], given).values() if mapping else [given]
-    return not any(np.ndim(value) > 1 for value in values if not isinstance(value, Table))
+        mapping = isinstance(given, dict)  # of names to single values, no rows
+        values = cast(dict[str, Any], given).values() if mapping else [given]
+        numbers = [value for value in values if not isinstance(value, Table)]
+        if any(np.ndim(value) > (0 if mapping else 1) for value in numbers):
+            return False
+    return True
 
 
 def _number(kind: str, name: str | None, known: Sequence[str]) -> int:
@@ -116,16 +118,30 @@ def _explained(error: ValueError, given: Mapping[str, Any], t: np.ndarray) -> Va
     return ValueError(f"simulate() needs leading axes that broadcast together, got {said}")
 
 
+def _check_numbers(request: Request) -> None:
+    """Raises TypeError of an argument that is to be a number and is none."""
+    for name in ("rtol", "atol", "max_steps", "threads", "step_size"):
+        value = getattr(request, name)
+        whole = name in ("max_steps", "threads")
+        fits = np.ndim(value) == 0 and np.asarray(value).dtype.kind in ("iu" if whole else "iuf")
+        if not (fits or (value is None and name == "step_size")):
+            kind = "whole number" if whole else "number"
+            raise TypeError(f"simulate() needs a {kind} as {name}, got {value!r}")
+
+
 def _found(facts: Facts, backend: Backend, request: Request) -> tuple[Simulation, list[str]]:
     """Motions, and what there is to say about them."""
+    _check_numbers(request)
     if request.threads < 1:
         raise ValueError(f"simulate() needs one thread or more, got threads={request.threads}")
     start, t = _times(facts, request)
     method, how = _how(facts, request)
     inputs = _source(facts, request, method, start, t[..., -1])
-    p = facts.parameters(request.p)
+    p = _parameters(facts, request.p)
     try:
-        given, lead = facts.shared.prepare("dynamics", start, request.x, inputs.constant, p)
+        given, lead = facts.shared.prepare(
+            "dynamics", start, request.x, inputs.constant, p, "simulate"
+        )
         lead = np.broadcast_shapes(lead, t.shape[:-1], inputs.lead)
     except ValueError as error:
         raise _explained(error, {"x": request.x, "u": inputs.constant, "p": p}, t) from None
@@ -199,8 +215,7 @@ def _how(facts: Facts, request: Request) -> tuple[Method, Mapping[str, Any]]:
 
 def _source(facts: Facts, request: Request, method: Method, start: Any, end: Any) -> Source:
     """The inputs as they are asked for, if they can be."""
-    real = functools.partial(facts.shared.real, "simulate", "u")
-    inputs = source(request.u, facts.inputs, real)
+    inputs = source(request.u, facts.inputs, _reals(facts, "u"))
     check_cover(inputs.tables, facts.inputs, start, end)
     if request.sample is not None and inputs.function is None:
         raise ValueError(
@@ -214,11 +229,30 @@ def _source(facts: Facts, request: Request, method: Method, start: Any, end: Any
     return inputs
 
 
+def _parameters(facts: Facts, p: Any) -> Any:
+    """Of a mapping all parameters, those that it does not name at their defaults."""
+    if not isinstance(p, Mapping):
+        return facts.with_frame(p)
+    given = cast(Mapping[str, Any], p)
+    check_names("parameter", given, facts.parameters)
+    return filled(facts.shared.DEFAULTS, given, facts.parameters, _reals(facts, "p"))
+
+
+def _reals(facts: Facts, letter: str) -> Callable[[Any], np.ndarray]:
+    """Arrays of the module's precision of what is given as that argument."""
+    return functools.partial(facts.shared.real, "simulate", letter)
+
+
 def _watch(facts: Facts, events: Any) -> Watch | None:
     """The events of the model and those that were asked for; None where there are none."""
     if events is False or not (facts.events or events):
         return None
-    watch = Watch(facts.events, events, facts.nx + facts.frame, facts.real)
+    if not (events is None or isinstance(events, Mapping)):
+        raise TypeError(
+            f"simulate() needs functions f(t, x) by name as events, or False, got {events!r}"
+        )
+    given = cast(Mapping[str, Any] | None, events)
+    watch = Watch(facts.events, given, facts.nx + facts.frame, facts.real)
     if watch.functions:
         watch.callback = Callback(watch.values, facts.nx, len(watch.functions), facts.real)
     return watch

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import contextlib
+import ctypes
 import functools
 import hashlib
 import importlib
@@ -366,15 +367,34 @@ def stop(folder: pathlib.Path) -> None:
             kill(process)
 
 
+def refusal(folder: pathlib.Path, made: Sequence[str]) -> str:
+    """Why this Python cannot load what was compiled here; empty where it can."""
+    try:
+        library = ctypes.CDLL(str(folder / shared_library(NAME)))
+        if not library[f"{NAME}_fits"]():
+            return f"{shared_library(NAME)} was compiled for another processor"
+        if f"_{NAME}{extension_suffix()}" in made:
+            path = folder / f"_{NAME}{extension_suffix()}"
+            spec = importlib.util.spec_from_file_location(f"_{NAME}", path)
+            assert spec and spec.loader  # as it ends as extensions do
+            spec.loader.exec_module(importlib.util.module_from_spec(spec))
+    except (OSError, ImportError, AttributeError) as error:
+        return " ".join(str(error).split())
+    return ""
+
+
 def main() -> None:
     command = find_compiler()
     if command is None:
         sys.exit(": ".join(no_compiler()))
+    folder = pathlib.Path(__file__).resolve().parent
     try:
-        folder = compile_folder(pathlib.Path(__file__).resolve().parent, NAME, command)
+        made = compile_folder(folder, NAME, command)
     except CompileError as error:
         sys.exit("\n".join(filter(None, (str(error), error.said, error.hint))))
-    print("made " + ", ".join(folder))
+    print("made " + ", ".join(made))
+    if why := refusal(folder, made):
+        sys.exit(f"but what {shlex.join(command)} made cannot be loaded here: {why}")
 
 
 if __name__ == "__main__":

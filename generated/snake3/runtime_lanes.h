@@ -61,7 +61,7 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
     m->failed = OK;
     m->failed_at = 0;
     m->rows.x = all->x_out + place * NX;
-    m->rows.work = all->work_out + place;
+    m->rows.work = all->work_out ? all->work_out + place : NULL;
     m->rows.v = all->v_out ? all->v_out + place * VELOCITY_ROWS : NULL;
     m->rows.chart = all->chart_out ? all->chart_out + place : NULL;
     m->rows.reduced = all->reduced_out ? all->reduced_out + place * NX : NULL;
@@ -84,7 +84,8 @@ static int begin(const Motions *all, size_t row, Motion *m, double *c)
 static void empty_row(const Rows *rows, size_t k)
 {
     int i;
-    rows->work[k] = NAN;
+    if (rows->work)
+        rows->work[k] = NAN;
     for (i = 0; i < NX; i++)
         rows->x[k * NX + (size_t)i] = NAN;
     for (i = 0; rows->reduced && i < NX; i++)
@@ -164,8 +165,21 @@ static int any_calls(const Motions *all)
 
 #pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed between functions of this file alone */
 
-typedef double Vector __attribute__((vector_size(8 * LANES), may_alias));
-typedef uint64_t Bits __attribute__((vector_size(8 * LANES), may_alias)); /* all or none in every lane, where it says which */
+/* Without AVX gcc notes that it passes vectors of this alignment otherwise since 4.6, and warns of clones, which the pragma does not
+   reach. Registers are of 16 bytes there, so that no more alignment is needed. */
+#if defined(__SSE2__) && !defined(__AVX__)
+#define ALIGNED aligned(16),
+#else
+#define ALIGNED
+#endif
+#if defined(__SSE2__) && !defined(__AVX__) && !defined(__clang__)
+#define OWN static inline __attribute__((noclone))
+#else
+#define OWN static inline
+#endif
+
+typedef double Vector __attribute__((vector_size(8 * LANES), ALIGNED may_alias));
+typedef uint64_t Bits __attribute__((vector_size(8 * LANES), ALIGNED may_alias)); /* all or none in every lane, where it says which */
 
 #if HAS_COORDINATES
 #define SOLVED_ROOM ((MOST + 1) * (1 + NX)) /* of rows with their Jacobian */
@@ -235,27 +249,27 @@ static inline void store(double *to, Vector v)
     *(Vector *)to = v;
 }
 
-static inline Vector vector(const double *from)
+OWN Vector vector(const double *from)
 {
     return *(const Vector *)from;
 }
 
-static inline Bits bits(const uint64_t *from)
+OWN Bits bits(const uint64_t *from)
 {
     return *(const Bits *)from;
 }
 
-static inline Vector either(Bits which, Vector a, Vector b)
+OWN Vector either(Bits which, Vector a, Vector b)
 {
     return (Vector)((which & (Bits)a) | (~which & (Bits)b));
 }
 
-static inline Vector size_of(Vector v)
+OWN Vector size_of(Vector v)
 {
     return (Vector)((Bits)v & UINT64_C(0x7fffffffffffffff));
 }
 
-static inline Vector larger(Vector a, Vector b)
+OWN Vector larger(Vector a, Vector b)
 {
     return either((Bits)(a > b), a, b);
 }
@@ -270,7 +284,7 @@ static inline int any(Bits which)
 }
 
 /* log2 of positive numbers to 1e-12, of zero something far below, of what is not finite something far above. */
-static inline Vector quick_log2(Vector x)
+OWN Vector quick_log2(Vector x)
 {
     const Bits exponent = ((Bits)x + UINT64_C(0x95f619980c433)) >> 52; /* the mantissa lies between the roots of 1/2 and 2 */
     const Vector m = (Vector)((Bits)x - ((exponent - 1023) << 52)), s = (m - 1.0) / (m + 1.0), q = s * s;
@@ -279,14 +293,14 @@ static inline Vector quick_log2(Vector x)
 }
 
 /* 2^x for |x| < 1000 to 1e-12. */
-static inline Vector quick_exp2(Vector x)
+OWN Vector quick_exp2(Vector x)
 {
     const Vector near = x + 6755399441055744.0, r = (x - (near - 6755399441055744.0)) * 0.6931471805599453; /* 3/2 2^52 */
     const Vector power = (Vector)(((Bits)near + 1023) << 52);
     return power * (1.0 + r * (1.0 + r * (1.0 / 2 + r * (1.0 / 6 + r * (1.0 / 24 + r * (1.0 / 120 + r * (1.0 / 720 + r * (1.0 / 5040 + r * (1.0 / 40320 + r * (1.0 / 362880 + r * (1.0 / 3628800)))))))))));
 }
 
-static inline Vector root_of(Vector v)
+OWN Vector root_of(Vector v)
 {
     double roots[LANES];
     int lane;
@@ -759,7 +773,7 @@ static inline void lanes_inputs_along(const Lanes *w, double *rates)
 #endif
 
 /* How long steps may be, as longest_step says it of one. */
-static inline Vector lanes_longest(const Motions *all, const Lanes *w, int order)
+OWN Vector lanes_longest(const Motions *all, const Lanes *w, int order)
 {
     const Bits first = ~bits(w->begun);
     const Vector most = (Vector){0.0} + 600.0;
@@ -894,7 +908,7 @@ static inline int is_late(const Motions *all, const Method *method)
 }
 
 /* Evaluations that a step takes in each lane before it is projected. */
-static inline Bits stages_of(const Motions *all, const Method *method, const Lanes *w)
+OWN Bits stages_of(const Motions *all, const Method *method, const Lanes *w)
 {
 #if EXPLICIT_STAGES
     if (!method->prepare)
@@ -911,7 +925,7 @@ static inline Bits stages_of(const Motions *all, const Method *method, const Lan
 #if HAS_PROJECT
 /* Puts z of these lanes back on the constraints. What does not converge becomes bad. Returns the lanes that were not within `close` of the
    constraints before their last step: its error is the square of that. */
-static inline Bits lanes_closed(Lanes *w, Bits which, double close)
+OWN Bits lanes_closed(Lanes *w, Bits which, double close)
 {
     double *const point = w->e, *const nearer = w->other;
     Bits active = which, trusted = active ^ active;
@@ -957,7 +971,7 @@ static inline void lanes_turned(const Motions *all, Lanes *w, Bits moved, Bits w
 }
 
 /* These lanes on the constraints again, and the slope there: where that moved them, and where it is `late`, in all. */
-static inline Bits lanes_projected(const Motions *all, Lanes *w, Bits which, int late, double close)
+OWN Bits lanes_projected(const Motions *all, Lanes *w, Bits which, int late, double close)
 {
     const Bits trusted = lanes_closed(w, which, close);
     const Vector one = (Vector){0.0} + 1.0;
@@ -1172,7 +1186,7 @@ static inline void lanes_roughly(const Tableau *m, Lanes *w)
 
 /* In which lanes is some function not far from zero, as four values in a step tell? A function that they show within a factor of two, and
    straight or bent one way, keeps away from zero in between. What the cubic through both ends is off by is counted in as below. */
-static inline Bits lanes_near(const Motions *all, const Tableau *m, Lanes *w)
+OWN Bits lanes_near(const Motions *all, const Tableau *m, Lanes *w)
 {
     const int count = EVENTS + all->events->count;
     const double *const third = m->rough + 36, *const two = m->rough + 42, place = 1.0 / 3.0;
@@ -1205,7 +1219,7 @@ static inline Bits lanes_near(const Motions *all, const Tableau *m, Lanes *w)
 /* In which lanes may something happen in the step? Values on that polynomial say in none where they stay away from zero by more than what the
    cubic through both ends is off by in the middle, which is much more than it is off itself: no parabola through three of them comes
    then near zero, either, for it leaves their range by an eighth of that at most. */
-static inline Bits lanes_suspect(const Motions *all, const Tableau *m, Lanes *w)
+OWN Bits lanes_suspect(const Motions *all, const Tableau *m, Lanes *w)
 {
     const int count = EVENTS + all->events->count;
     Vector off[EVENTS_MOST];
@@ -1341,7 +1355,7 @@ static inline void lanes_accept(Lanes *w)
 
 #if HAS_CHOICES || FRAME
 /* Good lanes that have come to where another chart is better, or where the frame is worn out. */
-static inline Bits lanes_elsewhere(Lanes *w)
+OWN Bits lanes_elsewhere(Lanes *w)
 {
     uint64_t __attribute__((aligned(64))) which[LANES];
     double y[N];
@@ -1431,7 +1445,7 @@ static inline void lanes_begun(const Motions *all, Lanes *w, uint64_t *halted)
 }
 
 /* As norm has it of one, at y. */
-static inline Vector lanes_norm(const Motions *all, const Lanes *w, const double *values)
+OWN Vector lanes_norm(const Motions *all, const Lanes *w, const double *values)
 {
     Vector sum = {0.0};
     int i;
@@ -1448,7 +1462,7 @@ static inline Vector lanes_norm(const Motions *all, const Lanes *w, const double
 }
 
 /* First steps from y with slopes in w->k[0], as first_step has that of one. */
-static inline Vector lanes_first(const Motions *all, const Method *method, Lanes *w)
+OWN Vector lanes_first(const Motions *all, const Method *method, Lanes *w)
 {
     const Vector one = (Vector){0.0} + 1.0, tiny = 1e-6 * one, span = vector(w->final) - vector(w->t);
     const Vector size = lanes_norm(all, w, w->y), speed = lanes_norm(all, w, w->k[0]);

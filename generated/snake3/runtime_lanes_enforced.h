@@ -119,7 +119,7 @@ static inline void lanes_shifted(int m, int n, int first, const double *J, const
 }
 
 /* Lanes where a function of the model has no plain value become bad. Returns those of `which` that have one. */
-static inline Bits lanes_valued(Lanes *w, Bits which)
+OWN Bits lanes_valued(Lanes *w, Bits which)
 {
     const Vector one = (Vector){0.0} + 1.0;
     const Bits plain = (Bits)(vector(w->stray) == 0.0);

@@ -2,7 +2,7 @@
    the general way, which runtime_module_batch.h has.
 
    Python.h stands before it, and what the model says, as macros: MODEL, its name as a string; DEFAULTS, of the parameters, or NULL; REAL, the
-   name of its numbers in NumPy as a string, and REALS, of several in C; and as constants NU and NP, how many inputs and parameters
+   name of its numbers in NumPy as a string, and REALS, of several in C; U_NAMES and P_NAMES, of inputs and parameters, for messages; and as constants NU and NP, how many inputs and parameters
    there are, and MOST_X, the most values of the place of the state.
 
    No claim of licence is made on this file: 0BSD, see LICENSE.txt. */

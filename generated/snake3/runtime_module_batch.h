@@ -78,11 +78,21 @@ static void loop(char **args, npy_intp const *dimensions, npy_intp const *steps,
 static PyUFuncGenericFunction loops[1] = {loop};
 static char types[OPERANDS]; /* of the operands: numbers, and a byte of the status */
 
+/* What the entries of a slot are called, for messages. */
+static const char *const entries[SLOTS] = {"", "", U_NAMES, P_NAMES, ""};
+
 /* Argument `slot` as an array of numbers, of integers and other precisions too; TypeError for complex numbers, text or objects. */
 static PyObject *rounded(const Function *f, int slot, PyObject *object)
 {
-    PyArray_Descr *descr = PyArray_DescrFromType(NPY_DOUBLE);
-    PyObject *array = PyArray_FROM_O(object), *result = NULL;
+    PyArray_Descr *descr;
+    PyObject *array, *result = NULL;
+    if (PyDict_Check(object)) {
+        PyErr_Format(PyExc_TypeError, "%s() needs an array of %zd numbers as '%s', not a dict%s", f->name, (Py_ssize_t)f->lengths[slot],
+            slot_names[slot], entries[slot]);
+        return NULL;
+    }
+    descr = PyArray_DescrFromType(NPY_DOUBLE);
+    array = PyArray_FROM_O(object);
     if (array && PyArray_CanCastArrayTo((PyArrayObject *)array, descr, NPY_SAME_KIND_CASTING))
         result = PyArray_FROM_OTF(array, NPY_DOUBLE, NPY_ARRAY_ALIGNED | NPY_ARRAY_FORCECAST);
     else if (array)

@@ -30,10 +30,10 @@ const unsigned snake3_needs = 0
 #ifdef __AVX__
     | 1u
 #endif
-#ifdef __AVX2__
+#ifdef __FMA__
     | 2u
 #endif
-#ifdef __FMA__
+#ifdef __AVX2__
     | 4u
 #endif
 #ifdef __BMI__
@@ -299,7 +299,7 @@ int snake3_mass(double t, const double *x, const double *u, const double *p, dou
     return SNAKE3_OK;
 }
 
-/* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: 76 operations */
+/* bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q: 76 operations */
 int snake3_bias(double t, const double *x, const double *u, const double *p, double *restrict out)
 {
     const double phi1 = x[3];
@@ -317,7 +317,7 @@ int snake3_bias(double t, const double *x, const double *u, const double *p, dou
     const double cos_phi2 = cosines[1];
     const double sin_phi2 = sines[1];
 
-    /* h: bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ */
+    /* h: bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q */
     const double z1 = l / 2.0;
     const double z2 = 2.0 * m * z1;
     const double z3 = om * om;

@@ -18,7 +18,7 @@ extern "C" {
 #define SNAKE3_RESTRICT restrict
 #endif
 
-#define SNAKE3_PROGRAM "17aefcc68463d12e8324c5c11241bcac"
+#define SNAKE3_PROGRAM "091d451bfaef4314285c642befcff8f2"
 
 #define SNAKE3_NX 7
 #define SNAKE3_NU 2
@@ -84,7 +84,7 @@ int snake3_dynamics(double t, const double *x, const double *u, const double *p,
    46 operations; reads x, p. */
 int snake3_mass(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 
-/* bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v̇ + h = Q + Aᵀ λ: out[5].
+/* bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v̇ + h = Q + Aᵀ λ; springs are in Q: out[5].
    76 operations; reads x, p. */
 int snake3_bias(double t, const double *x, const double *u, const double *p, double *SNAKE3_RESTRICT out);
 

@@ -12,6 +12,8 @@
 #define MODEL "snake3"
 #define REAL "float64"
 #define REALS "doubles"
+#define U_NAMES ": tau1, tau2"
+#define P_NAMES ": l, m, J"
 #define DEFAULTS snake3_defaults
 enum { NU = 2, NP = 3, MOST_X = 15 };
 
@@ -29,7 +31,7 @@ static Function functions[] = {
      "(),(7),(2),(3)->(5,5),()", "mass matrix M(q) of the generalized velocities v, nv \303\227 nv", NULL, {NULL}, 0},
     {"bias", snake3_bias, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 7, NU, NP}, 1, {5}, 5,
      "singular:", "not converged",
-     "(),(7),(2),(3)->(5),()", "bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v\314\207 + h = Q + A\341\265\200 \316\273", NULL, {NULL}, 0},
+     "(),(7),(2),(3)->(5),()", "bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v\314\207 + h = Q + A\341\265\200 \316\273; springs are in Q", NULL, {NULL}, 0},
     {"inverse_dynamics", snake3_inverse_dynamics, NULL, NULL, NULL, NULL, {0, 1, 0, 1}, {1, 15, NU, NP}, 1, {5}, 5,
      "singular:", "not converged",
      "(),(15),(2),(3)->(5),()", "forces conjugate to v that give v\314\207: M v\314\207 + h \342\210\222 Q at u = 0, from (q, v, v\314\207)", NULL, {NULL}, 0},
@@ -176,7 +178,7 @@ static PyMethodDef methods[] = {
     {"mass", (PyCFunction)(void (*)(void))call_mass, METH_FASTCALL | METH_KEYWORDS,
      "mass(t, x, u=None, p=None, out=None)\n--\n\n" "mass matrix M(q) of the generalized velocities v, nv \303\227 nv"},
     {"bias", (PyCFunction)(void (*)(void))call_bias, METH_FASTCALL | METH_KEYWORDS,
-     "bias(t, x, u=None, p=None, out=None)\n--\n\n" "bias h(q, v) of the generalized velocities: velocity products, gravity and potential forces, M v\314\207 + h = Q + A\341\265\200 \316\273"},
+     "bias(t, x, u=None, p=None, out=None)\n--\n\n" "bias h(q, v) of the generalized velocities: velocity products, gravity and what a potential given by formula makes, M v\314\207 + h = Q + A\341\265\200 \316\273; springs are in Q"},
     {"inverse_dynamics", (PyCFunction)(void (*)(void))call_inverse_dynamics, METH_FASTCALL | METH_KEYWORDS,
      "inverse_dynamics(t, x, u=None, p=None, out=None)\n--\n\n" "forces conjugate to v that give v\314\207: M v\314\207 + h \342\210\222 Q at u = 0, from (q, v, v\314\207)"},
     {"constraints", (PyCFunction)(void (*)(void))call_constraints, METH_FASTCALL | METH_KEYWORDS,

@@ -93,7 +93,7 @@ typedef struct {
 } snake3_simulation;
 
 /* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out and an
-   entry of work_out for each. Returns a status; the structure always holds the last good step.
+   entry of work_out for each, which may be NULL. Returns a status; the structure always holds the last good step.
    th, phi1, phi2 go round: nothing that is computed on the way sees their whole turns, so that beyond a turn these are taken
    out, counted and put back in x_out. Angles of many turns have few digits left for the constraints: reduced_out, where it is not
    NULL, gets the rows as they were integrated, without the whole turns. */
@@ -123,7 +123,7 @@ typedef struct {
     int integrator, enforcement, chart; /* the chart that x is in where there are several */
     double step_size, rtol, atol;
     long budget; /* most steps of each */
-    double *x_out, *work_out, *v_out, *chart_out, *reduced_out, *frame_out; /* n rows of each motion; the last four as for snake3_simulate, or NULL */
+    double *x_out, *work_out, *v_out, *chart_out, *reduced_out, *frame_out; /* n rows of each motion; the last five as for snake3_simulate, or NULL */
     snake3_end *ends; /* one of each motion */
     snake3_simulation *simulations; /* NULL, or one of each motion that is on its way: it goes on from there, `done` counting from 0 again, and is there again afterwards */
     snake3_watch *events; /* NULL, or of each motion */

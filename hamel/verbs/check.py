@@ -11,8 +11,9 @@ import casadi as ca
 import numpy as np
 
 from derive.diagnostics import counted
+from derive.model.records import Model
 from derive.robots.reading import load
-from derive.states.initial import initial_state
+from derive.states.initial import Initial, initial_state
 from hamel.build.stages import mechanics_of, usable_choices
 from hamel.records import Checked
 from hamel.show import refusals
@@ -57,8 +58,19 @@ def run(path: str | PathLike[str]) -> Checked:
         degrees_of_freedom=len(default.w),
         speeds_at_start=len(model.velocities) - rank,
         moved=moved_by(initial.moved),
+        initial=_by_name(model, initial),
         assumptions=default.assumptions,
     )
+
+
+def _by_name(model: Model, initial: Initial) -> dict[str, float]:
+    """The consistent initial state."""
+    named = (
+        (model.coordinates, initial.q),
+        (model.velocities, initial.v),
+        (model.states, initial.z),
+    )
+    return {x.name: float(value) for given, values in named for x, value in zip(given, values)}
 
 
 def moved_by(moved: Iterable[tuple[str, float, float]]) -> dict[str, dict[str, float]]:

@@ -315,6 +315,15 @@ def test_records_are_json():
     assert set(as_json(record)) == {field.name for field in fields(record)}
 
 
+def test_check_tells_the_consistent_initial_state():
+    """The one that `simulate` starts from."""
+    record = hamel.check(MODELS / "four_bar.yaml")
+    assert [*record.initial] == [*record.coordinates, *record.velocities, *record.states]
+    moved = hamel.simulate(MODELS / "four_bar.yaml", time=1e-9)
+    for name in record.coordinates:
+        assert record.initial[name] == pytest.approx(moved.final[name], abs=1e-6)
+
+
 def test_a_singular_start_is_told(tmp_path, capsys):
     """It is no second degree of freedom."""
     path = tmp_path / "flat.yaml"

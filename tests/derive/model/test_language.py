@@ -300,6 +300,17 @@ def test_round_numbers_beyond_a_turn_are_noted_as_radians() -> None:
         assert not load_text(ARM + f"initial: {{q: {plain}}}\n").notes
 
 
+def test_what_does_nothing_is_noted() -> None:
+    """Parameters that no formula names, and events that nothing changes."""
+    spare = ARM.replace("parameters: {", "parameters: {spare: 1 kg, ", 1)
+    model = load_text(spare + "events: {never: l - 1, once: q - l/l}\n")
+    notes = [note for note in model.notes if "nowhere" in note or "never happens" in note]
+    assert notes == [
+        "event never never happens: nothing in 'l - 1' changes",
+        "parameter spare is used nowhere",
+    ]
+
+
 def test_massless_bodies_and_point_masses() -> None:
     frame = (
         ARM.replace("mass: m", "mass: 0").replace("m*l^2/12", "0")

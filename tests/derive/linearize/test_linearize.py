@@ -545,7 +545,7 @@ def test_mistakes_in_a_steady_motion_are_shown_where_they_are(entry, said, expec
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["--sweep", "speed=1:nan:3"], 1, "'nan' is no parameter"),
+        (["--sweep", "speed=1:nan:3"], 1, "it is a finite number"),
         (["--set", "speed=3 kg"], 1, "no quantity in rad/s"),
         (["--set", "sped=3"], 1, "did you mean 'speed'"),
         (["--cyclic", "foo"], 2, "unknown coordinate 'foo'"),

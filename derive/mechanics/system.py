@@ -175,10 +175,11 @@ def _stacked(entries: Iterable[ca.SX]) -> ca.SX:
 def _is_short(links: Sequence[Link], tied: bool) -> bool:
     """Whether M has few entries; that of many links is needed only where they are tied."""
     entries = 0
-    depth: list[int] = []
+    above: list[int] = []  # velocities, with those of the link itself
     for link in links:
-        depth.append(1 + (depth[link.parent] if link.parent >= 0 else 0))
-        entries += depth[-1]
+        own = len(link.columns)
+        above.append(own + (above[link.parent] if link.parent >= 0 else 0))
+        entries += own * above[-1]
     return entries <= MOST_ENTRIES and (tied or len(links) < LONG)
 
 

@@ -458,3 +458,9 @@ def test_robots_on_a_free_base_are_compared_for_longer(tmp_path: Path) -> None:
         function = derived(tmp_path, text).function("dynamics")
         assert is_sure(function, AUTO, FROM) is sure
         assert is_sure(function, AUTO, FROM_FREE)
+
+
+def test_entries_of_a_mass_matrix_are_counted_by_velocities(tmp_path: Path) -> None:
+    """Thirty ball joints have ninety: M over all pairs of them took half a minute to write out."""
+    assert derived(tmp_path, rope(6)).system.written
+    assert not derived(tmp_path, rope(30)).system.written

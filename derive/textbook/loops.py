@@ -60,8 +60,7 @@ def loops(doc: Manuscript) -> None:
         "orientation in the frame of the link before, $!X$ takes accelerations from there to here, "
         "$!c$ are the velocity products, and $\\tau$ is what acts at the joint."
     )
-    several = any(len(sweep.results) > 2 for sweep in of.sweeps[-1].visits)
-    if several:
+    if of.has_several:
         doc.say(
             "A joint with several velocities has an axis of its frame for each; the second loop "
             "eliminates one after the other, and the third finds them in the opposite order."

@@ -8,6 +8,7 @@ from types import ModuleType
 
 import numpy as np
 
+from derive.states.sampling import normalised
 from hamel.verify.long_trees import (
     SAME,
     SUMMED,
@@ -18,7 +19,7 @@ from hamel.verify.long_trees import (
     relative,
 )
 from hamel.verify.reference.outcome import Reference, state_of
-from hamel.verify.reference.vectors import Array, quaternion_product
+from hamel.verify.reference.vectors import Array, turned_quaternion
 
 FAR = 0.4  # a displacement, in the units of v
 LONGER = 0.1  # of a quaternion whose length is not one
@@ -87,14 +88,11 @@ def _stretched(place: Place) -> Array:
 
 
 def _normalised(place: Place, q: Array) -> Array:
-    result = q.copy()
-    for own in _quaternions(place):
-        result[own] /= np.linalg.norm(q[own])
-    return result
+    return normalised(place.equations.system, q)
 
 
 def _moved(ref: Reference, place: Place, d: Array) -> Array:
-    """q + N d; a quaternion times (cos |ω|/2, sin |ω|/2 ω/|ω|) of the part ω of d that turns it."""
+    """q + N d; quaternions by the part of d that turns them."""
     own = place.state
     result = own.q + state_of(ref, place.t, own.q, d, own.u, own.p).rates
     starts = set(place.equations.system.quaternions)
@@ -103,10 +101,7 @@ def _moved(ref: Reference, place: Place, d: Array) -> Array:
             mine = slice(start, start + 4)
             part = entries[start - rows.start : start - rows.start + 4]
             turn = d[columns][np.abs(part).any(axis=0)]
-            half = np.linalg.norm(turn) / 2.0
-            result[mine] = np.cos(half) * own.q[mine] + np.sinc(half / np.pi) * (
-                quaternion_product(own.q[mine]) @ turn
-            )
+            result[mine] = turned_quaternion(own.q[mine], turn)
     return result
 
 

@@ -308,6 +308,7 @@ def _numbers(rows: Sequence[Sequence[Scalar]], what: str) -> Array:
 
 
 def number(x: Scalar, what: str) -> float:
+    """The number that `what` is. Raises AssumptionError where parameters are in it."""
     if isinstance(x, ca.SX) and not x.is_constant():
         raise AssumptionError(f"{what} is a parameter; `--constants` bakes it in")
     return float(x)

@@ -12,7 +12,7 @@ from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, worst
 from hamel.verify.checks.evidence import Evidence
 from hamel.verify.limits import SOLVED, TERMS
-from hamel.verify.reference.vectors import Array, quaternion_product
+from hamel.verify.reference.vectors import Array, turned_quaternion
 
 
 def coordinate_rates(e: Evidence) -> float | None:
@@ -61,15 +61,12 @@ def _against(
 
 
 def _moved(e: Evidence, q: Array, N: Array, d: Array) -> Array:
-    """q + N d; a quaternion times (cos |ω|/2, sin |ω|/2 ω/|ω|) of the part ω of d that turns it."""
+    """q + N d; quaternions by the part of d that turns them."""
     result = q + N @ d
     for start in e.system.quaternions:
         own = slice(start, start + 4)
         turn = d[np.abs(N[own]).any(axis=0)]
-        half = np.linalg.norm(turn) / 2.0
-        result[own] = np.cos(half) * q[own] + np.sinc(half / np.pi) * (
-            quaternion_product(q[own]) @ turn
-        )
+        result[own] = turned_quaternion(q[own], turn)
     return result
 
 

@@ -43,3 +43,10 @@ def quaternion_product(h: Array) -> Array:
     """½ h ⊗ (0, ω) as a 4 × 3 matrix times ω."""
     w, x = h[0], h[1:]
     return 0.5 * np.vstack([-x, w * np.eye(3) + skew(x)])
+
+
+def turned_quaternion(h: Array, turn: Array) -> Array:
+    """h ⊗ (cos |ω|/2, sin(|ω|/2) ω/|ω|) for a turn by the rotation vector ω along the body's
+    axes."""
+    half = np.linalg.norm(turn) / 2.0
+    return np.cos(half) * h + np.sinc(half / np.pi) * (quaternion_product(h) @ turn)

@@ -34,6 +34,7 @@ FEW = 40  # with more links than this, equivalent sets of inertias are not compa
 FLAT = 1e-9  # a sine of the angle between axis and normal below this is none
 
 # loads
+AT_REST = 1e-32  # added to the squared sine of half a turn: nothing beside a turn of 1e-8
 FEW_ENTRIES = 8  # of a force: up to so many are added one by one, where a sum has thousands
 
 # links

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -55,8 +56,25 @@ class Names:
 
     def coordinate(self, name: str | None) -> Coordinate | None:
         """The coordinate of that name; None where there is none."""
-        by_name: dict[str | None, Coordinate] = {x.name: x for x in self.coordinates}
-        return by_name.get(name)
+        return self._coordinates.get(name)
+
+    def of_joint(self, joint: str) -> tuple[tuple[Coordinate, ...], tuple[Velocity, ...]]:
+        """Its coordinates and generalized velocities; none of what is no joint."""
+        coordinates, velocities = self._owned.get(joint, ([], []))
+        return tuple(coordinates), tuple(velocities)
+
+    @functools.cached_property
+    def _coordinates(self) -> dict[str | None, Coordinate]:
+        return {x.name: x for x in self.coordinates}
+
+    @functools.cached_property
+    def _owned(self) -> dict[str, tuple[list[Coordinate], list[Velocity]]]:
+        found: dict[str, tuple[list[Coordinate], list[Velocity]]] = {}
+        for coordinate in self.coordinates:
+            found.setdefault(coordinate.owner, ([], []))[0].append(coordinate)
+        for velocity in self.velocities:
+            found.setdefault(velocity.owner, ([], []))[1].append(velocity)
+        return found
 
     def unit(self, name: str) -> str:
         """Of the coordinate, generalized velocity or state of that name, else ""."""

@@ -20,6 +20,19 @@ class JointSpring:
 
 
 @dataclass(frozen=True)
+class BallSpring:
+    """Torque −stiffness φ in a ball joint, φ the rotation vector of its unit quaternion, the
+    shorter way round: `coordinates` (w, x, y, z) and the angular velocities."""
+
+    name: str
+    joint: str
+    coordinates: tuple[str, str, str, str]
+    velocities: tuple[str, str, str]
+    stiffness: Expression
+    span: Span
+
+
+@dataclass(frozen=True)
 class JointDamper:
     """Generalised force −coefficient · rate on one coordinate's generalized velocity."""
 

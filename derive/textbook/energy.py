@@ -6,12 +6,12 @@ import casadi as ca
 import sympy
 
 from derive.mechanics.tree import kinetic_energy
-from derive.model.load_records import Bushing, Contact, JointSpring, PointSpring
+from derive.model.load_records import BallSpring, Bushing, Contact, JointSpring, PointSpring
 from derive.textbook.kinematics import components_of, numbers_in_symbols
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.motion import applied, mass
 
-STORING = (JointSpring, PointSpring, Bushing, Contact)  # loads that have a potential
+STORING = (JointSpring, BallSpring, PointSpring, Bushing, Contact)  # loads that have a potential
 
 
 def energies(doc: Manuscript) -> None:

@@ -9,6 +9,7 @@ from derive.expressions.tree import ZERO, Expression
 from derive.model.actuators import per_acceleration
 from derive.model.load_records import (
     Armature,
+    BallSpring,
     Bushing,
     Contact,
     Exhaust,
@@ -106,6 +107,14 @@ def _joint_spring(doc: Manuscript, x: JointSpring) -> Runs:
         coordinate=coordinate(doc, x.coordinate),
         stiffness=measured(doc, x.stiffness, x.name, per(force_unit(f"{unit or '1'}/s"), unit)),
         rest=measured(doc, x.rest, x.name, unit),
+    )
+
+
+def _ball_spring(doc: Manuscript, x: BallSpring) -> Runs:
+    return runs(
+        "spring in the ball joint {joint}: stiffness {stiffness}, times the angle it has turned by",
+        joint=called(x.joint),
+        stiffness=measured(doc, x.stiffness, x.name, "N*m/rad"),
     )
 
 
@@ -357,6 +366,7 @@ def _generalised(doc: Manuscript, x: GeneralisedForce) -> Runs:
 
 LOADS: dict[type[Any], Callable[[Manuscript, Any], Runs]] = {
     JointSpring: _joint_spring,
+    BallSpring: _ball_spring,
     JointDamper: _joint_damper,
     JointFriction: _joint_friction,
     Armature: _armature,

@@ -17,7 +17,7 @@ from derive.mechanics.loads.expression import EXPRESSION
 from derive.mechanics.loads.force import FORCE
 from derive.mechanics.loads.friction import JOINT_FRICTION
 from derive.mechanics.loads.records import Applied, Law, along, plus
-from derive.mechanics.loads.spring import JOINT_SPRING, POINT_SPRING
+from derive.mechanics.loads.spring import BALL_SPRING, JOINT_SPRING, POINT_SPRING
 from derive.mechanics.loads.tension import TENSION
 from derive.mechanics.loads.torque import TORQUE
 from derive.mechanics.loads.wrench import WRENCH
@@ -28,6 +28,7 @@ __all__ = ["LAWS", "Applied", "Law", "along", "applied", "armatures"]
 
 LAWS = (
     JOINT_SPRING,
+    BALL_SPRING,
     JOINT_DAMPER,
     POINT_SPRING,
     FORCE,

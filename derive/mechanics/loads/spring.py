@@ -1,14 +1,15 @@
-"""Springs at joints and between points."""
+"""Springs at joints, in ball joints and between points."""
 
 from __future__ import annotations
 
 import casadi as ca
 
 from derive.joints.rotations import difference
+from derive.mechanics.limits import AT_REST
 from derive.mechanics.loads.records import Applied, Law, in_ground
 from derive.mechanics.paths import check_apart
 from derive.mechanics.scene import Scene
-from derive.model.load_records import JointSpring, PointSpring
+from derive.model.load_records import BallSpring, JointSpring, PointSpring
 
 
 def joint_spring(scene: Scene, load: JointSpring) -> Applied:
@@ -18,6 +19,16 @@ def joint_spring(scene: Scene, load: JointSpring) -> Applied:
     return Applied(
         ca.SX(0.5 * s.scalar(load.stiffness) * stretch * stretch), ca.SX.zeros(s.v.numel())
     )
+
+
+def ball_spring(scene: Scene, load: BallSpring) -> Applied:
+    """V = ½ k φ², φ = 2 atan2(|(x, y, z)|, |w|) the angle of a unit quaternion (w, x, y, z)."""
+    s = scene.symbols
+    w, x, y, z = (s.names[name] for name in load.coordinates)
+    # the angle over the sine, which is what comes of this, has a value at rest, too
+    sine = ca.sqrt(x * x + y * y + z * z + AT_REST)
+    angle = 2 * ca.atan2(sine, ca.fabs(w))
+    return Applied(ca.SX(0.5 * s.scalar(load.stiffness) * angle * angle), ca.SX.zeros(s.v.numel()))
 
 
 def point_spring(scene: Scene, load: PointSpring) -> Applied:
@@ -40,5 +51,6 @@ def point_spring(scene: Scene, load: PointSpring) -> Applied:
     return Applied(energy, -damping * rate * ca.jacobian(rate, s.v).T)
 
 
+BALL_SPRING = Law(BallSpring, ball_spring)
 JOINT_SPRING = Law(JointSpring, joint_spring)
 POINT_SPRING = Law(PointSpring, point_spring)

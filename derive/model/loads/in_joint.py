@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from derive.diagnostics import listed
 from derive.model.actuators import velocity_of
 from derive.model.document import Scalar
-from derive.model.frames import Frame, Names
+from derive.model.frames import QUATERNION, Frame, Names
 from derive.model.loads.armature import armature_at
 from derive.model.loads.damper import damper_at
 from derive.model.loads.expression import At
 from derive.model.loads.friction import friction_at
-from derive.model.loads.spring import spring_at
+from derive.model.loads.spring import ball_spring, is_quaternion, spring_at
 from derive.model.reader import Reader
 from derive.model.records import Load
 
@@ -21,6 +23,8 @@ def in_joint(reader: Reader, names: Names, frame: Frame) -> list[Load]:
     given = [name for name in IN_JOINT if getattr(entry, name) is not None]
     if not given:
         return []
+    if is_quaternion(frame.coordinates, frame.velocities):
+        return _in_ball(reader, frame, given)
     if len(frame.velocities) > 1:
         reader.report(
             key.span,
@@ -34,6 +38,26 @@ def in_joint(reader: Reader, names: Names, frame: Frame) -> list[Load]:
         )  # says what is wrong
         return []
     return [_in_joint(reader, frame, name) for name in given]
+
+
+def _in_ball(reader: Reader, frame: Frame, given: Sequence[str]) -> list[Load]:
+    """A spring that turns back, and a damper about each axis."""
+    key, entry = frame.name, frame.entry
+    result: list[Load] = []
+    for name in given:
+        if name == "spring" and entry.spring is not None:
+            own = frame.coordinates, frame.velocities
+            result.append(ball_spring(reader, key, f"{key}_spring", str(key), entry.spring, *own))
+        elif name == "damper" and entry.damper is not None:
+            about = (f"{key}_damper_{axis}" for axis in "xyz")
+            result += [
+                damper_at(reader, key, each, entry.damper, velocity)
+                for each, velocity in zip(about, frame.velocities)
+            ]
+        else:
+            message = f"{name} in the joint '{key}', which has {len(frame.velocities)} velocities"
+            reader.report(key.span, message, _elsewhere(frame, name))
+    return result
 
 
 def _in_joint(reader: Reader, frame: Frame, kind: str) -> Load:
@@ -53,6 +77,9 @@ def _elsewhere(frame: Frame, kind: str) -> str:
     rates = [velocity.rate_of for velocity in frame.velocities if velocity.rate_of]
     if rates:
         return f"an entry under loads: {{type: {kind}, coordinate: one of {listed(rates)}}}"
+    if kind == "spring" and frame.orientation not in ("", QUATERNION):
+        angles = listed(x.name for x in frame.coordinates[-3:])
+        return f"an entry under loads: {{type: spring, coordinate: one of {angles}}}"
     if kind == "spring":
         return "a joint with one velocity, or an entry under loads: {type: bushing, …}"
     names = listed(velocity.name for velocity in frame.velocities)

@@ -1,6 +1,8 @@
-"""Springs: at a joint or a coordinate, or along the line between two points."""
+"""Springs: at a joint or a coordinate, in a ball joint, or along the line between two points."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from pydantic import Field
 
@@ -10,20 +12,24 @@ from derive.model.entries import JointSpringEntry
 from derive.model.frames import Names
 from derive.model.keys import Constant, Entry, Named, NameList, Pair, Text, Word, term
 from derive.model.kind import Bodies, Kind
-from derive.model.load_records import JointSpring, PointSpring
+from derive.model.load_records import BallSpring, JointSpring, PointSpring
 from derive.model.loads.places import optional, per, refuse_keys, two_points
 from derive.model.reader import Reader, force_unit
-from derive.model.records import Coordinate
+from derive.model.records import Coordinate, Velocity
 
 
 class SpringEntry(Entry):
-    """At a joint or a coordinate: -stiffness (q - rest). Between two points: along their line."""
+    """At a joint or a coordinate: -stiffness (q - rest). In a ball joint: -stiffness times the
+    rotation vector. Between two points: along their line."""
 
     type: Word = Field(
-        description="Kind of entry.", json_schema_extra=term("V = ½ k (q − q₀)², or ½ k (ℓ − ℓ₀)²")
+        description="Kind of entry.",
+        json_schema_extra=term("V = ½ k (q − q₀)², ½ k φ² or ½ k (ℓ − ℓ₀)²"),
     )
     joint: Named | None = Field(
-        None, description="A joint with one coordinate.", json_schema_extra=term("q")
+        None,
+        description="A joint with one coordinate, or a ball joint.",
+        json_schema_extra=term("q, or the rotation vector φ"),
     )
     coordinate: Named | None = Field(None, description="A coordinate.", json_schema_extra=term("q"))
     rest: Constant | None = Field(
@@ -57,10 +63,15 @@ class SpringEntry(Entry):
 
 def spring(
     reader: Reader, document: Bodies, names: Names, key: Key, entry: SpringEntry
-) -> JointSpring | PointSpring | None:
+) -> JointSpring | BallSpring | PointSpring | None:
     """The record; None after reporting."""
     if entry.between:
         return _between_points(reader, document, key, entry)
+    if entry.joint is not None and entry.coordinate is None:
+        own = names.of_joint(entry.joint.text)
+        if is_quaternion(*own):
+            refuse_keys(reader, key, entry, ("at", "length", "damping"), "between two points")
+            return ball_spring(reader, key, str(key), entry.joint.text, entry, *own)
     return _at_joint(reader, names, key, entry)
 
 
@@ -95,6 +106,39 @@ def spring_at(
         coordinate.name,
         stiffness,
         optional(reader, entry.rest, "a rest position", unit),
+        key.span,
+    )
+
+
+def is_quaternion(coordinates: Sequence[Coordinate], velocities: Sequence[Velocity]) -> bool:
+    """Whether these are of a ball joint that turns by a unit quaternion."""
+    return (len(coordinates), len(velocities)) == (4, 3)
+
+
+def ball_spring(
+    reader: Reader,
+    key: Key,
+    name: str,
+    joint: str,
+    entry: SpringEntry | JointSpringEntry,
+    coordinates: Sequence[Coordinate],
+    velocities: Sequence[Velocity],
+) -> BallSpring:
+    """A spring in a ball joint, V = ½ k φ², φ its rotation vector: k in N m."""
+    if entry.rest is not None:
+        message = (
+            f"'rest' of the spring '{name}' in a ball joint, which is slack where it has not turned"
+        )
+        expected = "another placement of the joint: `at: {position: …, rotation: …}`"
+        reader.report(entry.rest.span, message, expected)
+    w, x, y, z = (coordinate.name for coordinate in coordinates)
+    wx, wy, wz = (velocity.name for velocity in velocities)
+    return BallSpring(
+        name,
+        joint,
+        (w, x, y, z),
+        (wx, wy, wz),
+        reader.formula(entry.stiffness, "a stiffness", unit="N*m/rad"),
         key.span,
     )
 

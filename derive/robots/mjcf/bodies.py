@@ -383,11 +383,15 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
         joint.spring = (stiffness, rest) if stiffness else None
         joint.damper, joint.coulomb, joint.armature = damping, loss, armature
         return
-    if stiffness:
+    if stiffness and joint.type == "ball":
+        name = reading.symbols(f"spring_{joint.name}", "load")
+        text = f"{{type: spring, joint: {joint.name}, stiffness: {written(stiffness)}}}"
+        scene.robot.loads.append(Entry(name, text, element))
+    elif stiffness:
         reading.report(
             element,
             f"a spring in a {joint.type} joint",
-            "springs in hinges and slides",
+            "springs in hinges, slides and ball joints",
             attribute="stiffness",
         )
     rates = joint.rates()

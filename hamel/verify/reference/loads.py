@@ -13,6 +13,7 @@ from derive.diagnostics import AssumptionError
 from derive.expressions import tree
 from derive.model.load_records import (
     Armature,
+    BallSpring,
     Bushing,
     Contact,
     Exhaust,
@@ -35,7 +36,7 @@ from hamel.verify.reference.layout import Layout
 from hamel.verify.reference.paths import pull
 from hamel.verify.reference.rows import nonideal_force
 from hamel.verify.reference.states import State, inertia_tensor, placed
-from hamel.verify.reference.vectors import Array, cross, skew
+from hamel.verify.reference.vectors import Array, cross, rotation_vector, skew
 
 
 @dataclass(frozen=True)
@@ -192,8 +193,8 @@ def _conjugate(model: Model, state: State, velocity: str) -> tuple[slice, Array]
 
 def _load(load: Load, model: Model, place: Layout, state: State) -> _Part:
     match load:
-        case JointSpring():
-            return _joint_spring(load, model, state)
+        case JointSpring() | BallSpring():
+            return _sprung(load, model, state)
         case JointDamper() | JointFriction():
             return _resisted(load, model, state)
         case Armature():
@@ -267,6 +268,12 @@ def _axes(name: str, model: Model, state: State) -> Array:
     return turn if frame.body == GROUND else state.frames[frame.body].rotation @ turn
 
 
+def _sprung(spring: JointSpring | BallSpring, model: Model, state: State) -> _Part:
+    if isinstance(spring, BallSpring):
+        return _ball_spring(spring, model, state)
+    return _joint_spring(spring, model, state)
+
+
 def _joint_spring(spring: JointSpring, model: Model, state: State) -> _Part:
     """V = ½ k (q − rest)², force −k (q − rest) along the coordinate, Nᵀ of it along v."""
     index = model.coordinate_index(spring.coordinate)
@@ -274,6 +281,17 @@ def _joint_spring(spring: JointSpring, model: Model, state: State) -> _Part:
     where, row = state.entries(index)
     force = where, -stiffness * stretch * row
     return _only(0.5 * stiffness * stretch**2, springs=force)
+
+
+def _ball_spring(spring: BallSpring, model: Model, state: State) -> _Part:
+    """V = ½ k φ² and the torque −k φ about the joint's axes, φ the logarithm of the quaternion."""
+    h = np.array([state.q[model.coordinate_index(name)] for name in spring.coordinates])
+    turn = rotation_vector(h)
+    stiffness = state.value(spring.stiffness)
+    index = model.conjugate_index(spring.velocities[0])
+    assert index is not None
+    force = slice(index, index + 3), -stiffness * turn
+    return _only(0.5 * stiffness * float(turn @ turn), springs=force)
 
 
 def _resisted(friction: JointDamper | JointFriction, model: Model, state: State) -> _Part:

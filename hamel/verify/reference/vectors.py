@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 Array = np.ndarray
@@ -43,6 +45,16 @@ def quaternion_product(h: Array) -> Array:
     """½ h ⊗ (0, ω) as a 4 × 3 matrix times ω."""
     w, x = h[0], h[1:]
     return 0.5 * np.vstack([-x, w * np.eye(3) + skew(x)])
+
+
+def rotation_vector(h: Array) -> Array:
+    """What the quaternion (w, x, y, z) turns by, the shorter way round: from the sine of half the
+    angle, or from the cosine where that is the smaller one."""
+    h = h / np.linalg.norm(h)
+    cosine, sine = abs(h[0]), float(np.linalg.norm(h[1:]))
+    half = math.asin(min(sine, 1.0)) if sine < cosine else math.acos(min(cosine, 1.0))
+    towards = math.copysign(2.0, h[0]) * h[1:]
+    return towards * (half / sine) if sine > 0.0 else towards
 
 
 def turned_quaternion(h: Array, turn: Array) -> Array:

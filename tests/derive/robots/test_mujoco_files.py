@@ -462,3 +462,15 @@ def test_a_start_at_ref_that_an_equality_moves_is_assembled_near_it(tmp_path):
     start = starts_of(found)
     a, c = start["a"] - math.radians(20), start["c"] - math.radians(33.5)
     assert c - a == pytest.approx(0.01) and max(abs(a), abs(c)) < 0.01
+
+
+def test_stiffness_of_a_ball_joint_turns_it_back(tmp_path):
+    text = ARM.format(spring="", actuator="").replace(
+        '"ball"', '"ball" stiffness="3" damping="0.2"'
+    )
+    found = read(tmp_path, text)
+    assert "spring_d: {type: spring, joint: d, stiffness: 3" in found.text
+    e = equations(system(found.model))
+    assert found.text.count("type: damper, velocity: d.w") == 3 and e.has("dynamics")
+    with pytest.raises(ModelError, match="a spring in a free joint"):
+        read(tmp_path, text.replace('"ball"', '"free"'))

@@ -185,8 +185,9 @@ class Closure:
     """A joint that closes a loop; the first body is the joint's parent, `pitch` and `axis2` are as
     with joints.
 
-    `along` says along whose axes points that meet are measured: 0 and 1 are the joint frames on the
-    two bodies. The ground's, unless these say what others do not.
+    `along` says along whose axes points that meet are measured, and across whose an axis or shift:
+    0 and 1 are the joint frames on the two bodies. The ground's and the first one's, unless these
+    say what others do not.
     """
 
     name: str

@@ -1,14 +1,15 @@
-"""Along which axes the points of closures meet, where rows repeat others.
+"""Along which axes the points of closures meet or shift, where rows repeat others.
 
 p₂ − p₁ = 0 says the same along any axes, but not row by row. Two bodies that turn about one line
 and meet at a point of it once more say nothing along the line: along axes that turn with them that
 is always the same row, or the same part of each; along the ground's it is one row here and another
-there. Then no rows that are kept for good are independent wherever all of them are.
+there. Then no rows that are kept for good are independent wherever all of them are. Where a rod
+turns in the bush of a loop that moves in a plane, it is across the rod's axes that they change.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -21,7 +22,7 @@ from derive.model.records import Closure
 from derive.model.rows import closure_parts
 from derive.states.closing import Kinematics, closed, nominal
 from derive.states.independence import independent, share
-from derive.states.limits import AXES_SAMPLES, BETTER, GAP, POOR
+from derive.states.limits import AXES_SAMPLES, BETTER, FEW_CLOSURES, GAP, POOR
 from derive.states.sampling import row_lengths, states
 from derive.states.sparse import Sparse, clearly_independent
 
@@ -34,33 +35,43 @@ def well_turned(ideal: System, forces: ca.SX) -> tuple[System, ca.SX]:
     if not turnable or not _may_repeat(ideal):
         return ideal, forces
     best = _share(ideal)
-    found = ideal, forces
-    for side in (0, 1) if best < POOR else ():
-        turned = _along(ideal, turnable, side)
+    found, sides = (ideal, forces), dict[str, int]()
+    for names, side in _trials(turnable):
+        if best >= POOR:
+            break
+        tried = {**sides, **dict.fromkeys(names, side)}
+        turned = _along(ideal, tried)
         own = _share(turned[0])
         if own > BETTER * best:
-            best, found = own, turned
+            best, found, sides = own, turned, tried
     return found
 
 
-def _along(ideal: System, turnable: Sequence[str], side: int) -> tuple[System, ca.SX]:
+def _trials(turnable: Sequence[str]) -> Iterator[tuple[Sequence[str], int]]:
+    """All closures along the axes of their first or second frames, then, of a few, one by one."""
+    yield from ((turnable, side) for side in (0, 1))
+    if 1 < len(turnable) <= FEW_CLOSURES:
+        yield from (((name,), side) for name in turnable for side in (0, 1))
+
+
+def _along(ideal: System, sides: Mapping[str, int]) -> tuple[System, ca.SX]:
     """The mechanics anew, with these closures along the axes of their first or second frame."""
     model = ideal.model
-    closures = tuple(replace(x, along=side) if x.name in turnable else x for x in model.closures)
+    closures = tuple(replace(x, along=sides.get(x.name, x.along)) for x in model.closures)
     return ideal_system(replace(model, closures=closures), ideal.constants)
 
 
 def _turnable(ideal: System, forces: ca.SX) -> list[str]:
-    """Closures with points that meet, whose reactions nothing in the model uses."""
+    """Closures with points that meet or shift, whose reactions nothing in the model uses."""
     used = ca.vertcat(forces, *[value for _, value, _ in ideal.outputs])
     return [
-        x.name for x in ideal.model.closures if _meets(ideal, x) and not _reacts(ideal, x, used)
+        x.name for x in ideal.model.closures if _has_axes(ideal, x) and not _reacts(ideal, x, used)
     ]
 
 
-def _meets(ideal: System, closure: Closure) -> bool:
+def _has_axes(ideal: System, closure: Closure) -> bool:
     parts = closure_parts(closure.type, ideal.model.plane)
-    return bool(parts) and parts[0] in "xyz"
+    return bool(parts) and parts[0] in ("x", "y", "z", "shift1")
 
 
 def _reacts(ideal: System, closure: Closure, used: ca.SX) -> bool:

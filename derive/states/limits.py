@@ -4,6 +4,7 @@ nothing else is said."""
 # axes
 AXES_SAMPLES = 20  # states at which rows are judged
 BETTER = 2.0  # times the share of the ground's axes: what others have to bring
+FEW_CLOSURES = 6  # of so many each is tried by itself, too
 
 # closing
 REPEATS = 1e-10  # singular values below this part of the largest belong to rows that repeat others

@@ -24,8 +24,7 @@ from derive.model.records import (
     Closure,
 )
 
-PARALLEL = ((0, 2), (1, 2))  # the second axis stays at right angles to the first frame's other two
-LOCKED = (*PARALLEL, (1, 0))
+LOCKED = ((0, 2), (1, 2), (1, 0))
 
 
 def meeting(scene: Scene, closure: Closure) -> Block:
@@ -96,6 +95,15 @@ def right_angles(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]
     )
 
 
+def parallel(scene: Scene, closure: Closure) -> Block:
+    """`right_angles` by which two axes stay parallel: that of one frame to the other two axes of
+    the other. A body that turns about its axis turns these rows along."""
+    frames = closure_frames(scene.among(closure.bodies), closure)
+    across, axis = frames.axes[_side(closure)], frames.axes[1 - _side(closure)][2]
+    phi = [ca.dot(axis, across[i]) for i in (0, 1)]
+    return block_of_positions(scene, [f"{closure.name}.turn{i}" for i in (1, 2)], phi, "rad/s")
+
+
 def locked(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]]) -> Block:
     """`right_angles` of pairs that leave no turn. Half a turn away they are met as well: a loop is
     closed by Rodrigues' parameters instead,
@@ -115,7 +123,13 @@ def locked(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]]) -> 
 
 
 def shifts(scene: Scene, closure: Closure, axes: Sequence[int]) -> Block:
-    """φ = aᵢ · (p₂ − p₁) along axes of the first joint frame, in m. These axes turn, so the row's
-    rate holds ω × aᵢ as well."""
+    """φ = aᵢ · (p₂ − p₁) along axes of one joint frame, in m. These axes turn, so the row's rate
+    holds ω × aᵢ as well."""
     names = [f"{closure.name}.shift{k + 1}" for k in range(len(axes))]
-    return block_of_positions(scene, names, _gap(scene, closure, 0, axes), "m/s")
+    gap = _gap(scene, closure, _side(closure), axes)
+    return block_of_positions(scene, names, gap, "m/s")
+
+
+def _side(closure: Closure) -> int:
+    """Along whose axes: the first frame's, unless the closure says the second's."""
+    return max(closure.along, 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from derive.mechanics.closures.parts import PARALLEL, right_angles, shifts
+from derive.mechanics.closures.parts import parallel, shifts
 from derive.mechanics.closures.records import Closing
 from derive.mechanics.scene import Block, Scene
 from derive.model.records import (
@@ -13,7 +13,7 @@ from derive.model.records import (
 def planar(scene: Scene, closure: Closure) -> list[Block]:
     """3 rows: the point stays in the plane, n · (r₂ − r₁) = 0 in m, and its normal stays parallel
     to that of the other body."""
-    return [shifts(scene, closure, (2,)), right_angles(scene, closure, PARALLEL)]
+    return [shifts(scene, closure, (2,)), parallel(scene, closure)]
 
 
 PLANAR = Closing("planar", planar)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from derive.mechanics.closures.parts import PARALLEL, meeting, right_angles
+from derive.mechanics.closures.parts import meeting, parallel
 from derive.mechanics.closures.records import Closing
 from derive.mechanics.scene import Block, Scene
 from derive.model.records import (
@@ -15,7 +15,7 @@ def revolute(scene: Scene, closure: Closure) -> list[Block]:
     are, and 2 rows are left."""
     return [
         meeting(scene, closure),
-        *([] if scene.model.plane else [right_angles(scene, closure, PARALLEL)]),
+        *([] if scene.model.plane else [parallel(scene, closure)]),
     ]
 
 

@@ -2,9 +2,9 @@
 
 Two joint frames, one placed on each body, have origins p and axes a, b; the joint's axis is the
 third axis of both. φ and its order are the project's convention, for λ to mean the same: points
-first, p₂ − p₁ along the ground's axes or those of the frame that the model says (revolute, ball,
-universal, fixed), or along axes of the first frame (the sliding joints); then bⱼ · aᵢ of axes that
-stay at right angles.
+first, p₂ − p₁ along the ground's axes (revolute, ball, universal, fixed) or along axes of the first
+frame (the sliding joints), or of the frame that the model says; then bⱼ · aᵢ of axes that stay at
+right angles.
 """
 
 from __future__ import annotations
@@ -23,10 +23,6 @@ from hamel.verify.reference.states import State, placed
 from hamel.verify.reference.vectors import UNIT, Array, cross
 
 NORMAL = {"xy": UNIT["z"], "xz": -UNIT["y"], "yz": UNIT["x"], "": UNIT["z"]}
-PARALLEL = (
-    (0, 2),
-    (1, 2),
-)  # aᵢ ⊥ bⱼ: the second axis of rotation is at right angles to the first frame's other two axes
 NO_TURN = ((0, 2), (1, 2), (1, 0))
 
 
@@ -97,7 +93,13 @@ def _component(x: Jet, along: Array) -> Jet:
 
 def _across(loop: Loop, axes: Sequence[int]) -> list[Jet]:
     """aᵢ · (p₂ − p₁)."""
-    return [dot(loop.axes[0][i], loop.gap) for i in axes]
+    return [dot(loop.axes[max(loop.closure.along, 0)][i], loop.gap) for i in axes]
+
+
+def _parallel(loop: Loop) -> list[Jet]:
+    """The axis of one frame at right angles to the first two of the other, that the model says."""
+    across, other = loop.axes if loop.closure.along < 1 else loop.axes[::-1]
+    return [dot(across[i], other[2]) for i in (0, 1)]
 
 
 def _square(loop: Loop, pairs: Sequence[tuple[int, int]]) -> list[Jet]:
@@ -135,7 +137,7 @@ def _advance(loop: Loop) -> Rows:
     )
 
 
-_cylindrical = _positions(lambda loop: _across(loop, (0, 1)), lambda loop: _square(loop, PARALLEL))
+_cylindrical = _positions(lambda loop: _across(loop, (0, 1)), _parallel)
 
 
 def _screw(loop: Loop) -> Rows:
@@ -143,7 +145,7 @@ def _screw(loop: Loop) -> Rows:
 
 
 _ROWS: dict[str, Callable[[Loop], Rows]] = {
-    "revolute": _positions(_meeting, lambda loop: _square(loop, () if loop.plane else PARALLEL)),
+    "revolute": _positions(_meeting, lambda loop: [] if loop.plane else _parallel(loop)),
     "ball": _positions(_meeting),
     "universal": _positions(_meeting, _cross_angle),
     "fixed": _positions(_meeting, lambda loop: _square(loop, ((0, 1),) if loop.plane else NO_TURN)),
@@ -152,6 +154,6 @@ _ROWS: dict[str, Callable[[Loop], Rows]] = {
         lambda loop: _square(loop, ((0, 2),) if loop.plane else NO_TURN),
     ),
     "cylindrical": _cylindrical,
-    "planar": _positions(lambda loop: _across(loop, (2,)), lambda loop: _square(loop, PARALLEL)),
+    "planar": _positions(lambda loop: _across(loop, (2,)), _parallel),
     "screw": _screw,
 }

@@ -40,6 +40,26 @@ closures:
   C: {type: revolute, between: [a, b], at: [[0.4, 0.3], [0, 0.3]]}
 initial: {A: 0.3, guess: {B: 0}}
 """
+# rods that turn in bushes, in a mechanism that else moves in a plane; KIND of one is a screw
+RODS = """model: rods
+gravity: [0, 0, -9.81 m/s^2]
+bodies:
+  crank: {mass: 1, com: [0.05, 0, 0], inertia: [0.001, 0.002, 0.002]}
+  rod: {mass: 1, com: [0.2, 0, 0], inertia: [0.001, 0.02, 0.02]}
+  bush: {mass: 0.5, inertia: 0.001}
+  rod2: {mass: 1, com: [0.2, 0, 0], inertia: [0.001, 0.02, 0.02]}
+  bush2: {mass: 0.5, inertia: 0.001}
+joints:
+  A: {type: revolute, parent: ground, child: crank, axis: y, coordinate: a}
+  B: {type: universal, parent: crank, child: rod, at: [0.1, 0, 0], axis: y, axis2: x, coordinates: [b, turn]}
+  B2: {type: universal, parent: crank, child: rod2, at: [0.05, 0, 0], axis: y, axis2: x, coordinates: [b2, turn2]}
+  D: {type: revolute, parent: ground, child: bush, at: [0.3, 0, 0], axis: y, coordinate: d}
+  D2: {type: revolute, parent: ground, child: bush2, at: [0.25, 0, -0.2], axis: y, coordinate: d2}
+closures:
+  C: {KIND, between: [rod, bush], at: [[0, 0, 0], [0, 0, 0]], axis: x}
+  C2: {type: cylindrical, between: [bush2, rod2], at: [[0, 0, 0], [0, 0, 0]], axis: x}
+initial: {a: -60 deg, turn: 40 deg, turn2: 10 deg, der(turn2): 3, der(turn): 5, guess: {b: 40 deg, d: -20 deg}}
+"""
 
 
 def surveyed(tmp_path: Path, text: str) -> Survey:
@@ -91,6 +111,16 @@ def test_points_meet_along_axes_in_which_one_row_repeats_everywhere(tmp_path: Pa
     survey = surveyed(tmp_path, TWICE)
     assert survey.rank == 1
     assert [x.along for x in survey.system.model.closures] == [0]
+    assert whole_share(survey) > POOR
+    assert failed(survey.system) == []
+
+
+@pytest.mark.parametrize("kind", ["type: cylindrical", "type: screw, pitch: 0.04"])
+def test_rows_turn_with_the_body_that_does_not_spin(kind: str, tmp_path: Path) -> None:
+    """Across a rod that turns about its axis no row is of use all the way round."""
+    survey = surveyed(tmp_path, RODS.replace("KIND", kind))
+    assert [max(x.along, 0) for x in survey.system.model.closures] == [1, 0]
+    assert survey.rank == (5 if "screw" in kind else 4)
     assert whole_share(survey) > POOR
     assert failed(survey.system) == []
 

@@ -24,6 +24,7 @@ from derive.joints import joint_type
 from derive.model.constraint_records import Distance, Holonomic, Nonholonomic, OnSurface, Rolling
 from derive.model.load_records import (
     Armature,
+    BallSpring,
     Bushing,
     Force,
     JointDamper,
@@ -87,6 +88,7 @@ LOADS = (
     "friction",
     "armature",
     "joint spring",
+    "ball spring",
     "joint damper",
     "point spring",
     "force",
@@ -342,6 +344,7 @@ class Parts:
                 "friction": lambda: JointFriction(name, velocity, a, b, c, HERE),
                 "armature": lambda: Armature(name, velocity, a, HERE),
                 "joint spring": lambda: JointSpring(name, str(rng.choice([x.name for x in self.coordinates])), a, b, HERE),
+                "ball spring": lambda: self.ball_spring(name, a) or JointSpring(name, self.coordinates[0].name, a, b, HERE),
                 "joint damper": lambda: JointDamper(name, velocity, a, HERE),
                 "point spring": lambda: PointSpring(name, bodies, points, a, b, c, HERE),
                 "force": lambda: Force(name, bodies[0], points[0], (a, b, c), str(rng.choice(["body", "ground"])), HERE),
@@ -352,6 +355,17 @@ class Parts:
         if self.loads[-1] is None:
             self.loads.pop()
             self.inputs.append(Input(f"u{len(self.inputs)}", velocity, "", "", HERE, gear=b))
+
+    def ball_spring(self, name: str, stiffness: Expression) -> BallSpring | None:
+        """In the last ball joint; None without one."""
+        for joint in reversed(dict.fromkeys(x.owner for x in self.coordinates)):
+            q = [x.name for x in self.coordinates if x.owner == joint]
+            w = [x.name for x in self.velocities if x.owner == joint]
+            if (len(q), len(w)) == (4, 3):
+                return BallSpring(
+                    name, joint, (q[0], q[1], q[2], q[3]), (w[0], w[1], w[2]), stiffness, HERE
+                )
+        return None
 
 
 def ellipsoid(weights: np.ndarray, through: np.ndarray) -> Expression:

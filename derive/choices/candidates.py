@@ -7,7 +7,7 @@ from math import comb, log10
 
 import numpy as np
 
-from derive.choices.limits import MOST_SUBSETS, REGULAR
+from derive.choices.limits import MOST_SUBSETS, RANK, REGULAR
 from derive.choices.ranking import conditions, inertia_lost
 from derive.choices.survey import Survey, speed_name
 from derive.mechanics.records import RowForm
@@ -22,13 +22,16 @@ def candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowFo
     result: list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]] = []
     for subset in subsets:
         rows = tuple(RowForm(speed_name(survey.system, j), (), ((j, 1.0),)) for j in subset)
-        worst, lost = 1.0, 0
+        usual, worst, lost = 1.0, 1.0, 0
         if survey.system.rows:
             B = np.tile(np.eye(nv)[list(subset)], (len(survey.rows), 1, 1))
-            worst, lost = conditions(survey, B)[1], inertia_lost(survey, B)
+            usual, worst = conditions(survey, B)
+            lost = inertia_lost(survey, B)
         names = {row.name for row in rows}
-        # followers last, then by condition; of equals the actuated ones, then the first of the tree
+        # what is singular everywhere loses no inertia anywhere; followers before it, then by
+        # condition; of equals the actuated ones, then the first of the tree
         order = (
+            usual * RANK > 1.0,
             len(names & survey.followers),
             lost,
             round(np.log10(worst), 1),

@@ -107,6 +107,16 @@ joints:
 """
 
 
+def rod(n: int) -> str:
+    """Such links with springs, dampers and friction in their joints: functions of the C library."""
+    inside = "spring: {stiffness: 2}, damper: 0.01"
+    rope_of = rope(n).replace("rope", "rod").replace("child: b0}", f"child: b0, {inside}}}")
+    rubbing = """loads:
+  "f{i}": {type: friction, velocity: "j{i}.wx", coulomb: 0.02, smoothing: 0.5}
+"""
+    return rope_of.replace("0.02]}\n", f"0.02], {inside}}}\n") + rubbing
+
+
 def snake(n: int) -> str:
     """A planar chain on no ground."""
     return f"""

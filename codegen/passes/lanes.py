@@ -141,7 +141,8 @@ def _is_straight(kernel: Kernel) -> bool:
     if kernel.rolled:
         bodies = values_of(kernel.rolled)
         short = FEWEST * _numbers(kernel) <= MOST_APART
-        return short and all(is_plain(value, PLAIN - {"sin", "cos"}) for value in bodies)
+        plain = (PLAIN | LIBRARY) - {"sin", "cos"}  # those of a joint's own angle stand apart
+        return short and all(is_plain(value, plain) for value in bodies)
     if is_wide(kernel) or (kernel.repeats and FEWEST * _numbers(kernel) > MOST_APART):
         return False
     return all(is_plain(value, PLAIN | LIBRARY) for value in _values(kernel))

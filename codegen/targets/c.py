@@ -166,6 +166,7 @@ def _called(bodies: Sequence[Body]) -> list[str]:
     """Which functions of text.LANES occur, and what these are made of."""
     lines = [line for body in bodies for piece in body.pieces for line in piece.lines]
     values = [value for body in bodies for piece in body.pieces for value, *_ in piece.guards]
+    lines += [line for body in bodies if body.rolled for line in body.rolled.lines]
     written = " ".join([*lines, *values, *(body.residual for body in bodies)])
     found = set(re.findall(r"\b[A-Z][A-Z0-9]+(?=\()", written)) & set(text.IN_LANES)
     return sorted(found | {_MADE_OF[name] for name in found if name in _MADE_OF})

@@ -83,6 +83,16 @@ class Text:
     at: dict[str, str] = field(default_factory=dict[str, str])
 
     @property
+    def lines(self) -> Iterator[str]:
+        """All that is computed, at any link."""
+        blocks = [block for loop in self.loops for block in loop.blocks]
+        for block in (*blocks, *(angle for angle in self.angles if angle)):
+            yield from (*block.lines, *block.after)
+        yield from (value for loop in self.loops for value in loop.start)
+        yield from (value for table in self.tables for *_, value in table.computed)
+        yield from (*self.prologue, *self.factors)
+
+    @property
     def parametric(self) -> tuple[int, ...]:
         """The kinds whose tables parameters are in."""
         return tuple(k for k, table in enumerate(self.tables) if table.computed)

@@ -41,7 +41,7 @@ from hamel.build.module import published
 from hamel.build.options import BuildOptions
 from hamel.build.stages import equations_of, program_for
 from tests.scenes import MODELS
-from tests.trees import chain, equal_links, rope, several, snake, tree, urdf
+from tests.trees import chain, equal_links, rod, rope, several, snake, tree, urdf
 
 DYNAMICS = ("dynamics",)
 FUNCTIONS = (*DYNAMICS, "bias", "inverse_dynamics", "dynamics_forward", "dynamics_adjoint")
@@ -84,7 +84,9 @@ def states(made: Program, many: int, function: str = "dynamics") -> tuple[np.nda
     return rng.normal(size=(many, sizes["x"])), rng.normal(size=(many, sizes["u"])), p
 
 
-@pytest.mark.parametrize("text", [chain(7), tree(), equal_links(6), several(), rope(4), snake(5)])
+@pytest.mark.parametrize(
+    "text", [chain(7), tree(), equal_links(6), several(), rope(4), rod(4), snake(5)]
+)
 def test_loops_give_what_straight_code_gives(
     text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -118,7 +120,9 @@ def test_products_of_derivatives_in_loops_are_slopes_of_the_dynamics(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("text", [chain(50), tree(), equal_links(9), several(), rope(5), snake(6)])
+@pytest.mark.parametrize(
+    "text", [chain(50), tree(), equal_links(9), several(), rope(5), rod(5), snake(6)]
+)
 def test_compiled_loops_one_by_one_and_in_lanes(text: str, tmp_path: Path) -> None:
     equations = derived(tmp_path, text)
     straight = program(equations, FUNCTIONS, roll="never")
@@ -183,7 +187,9 @@ def code_without_tables(made: Program) -> str:
     platform.machine() != "x86_64" or shutil.which("gcc") is None, reason="gcc's report of loops"
 )
 @pytest.mark.parametrize(
-    "text", [chain(40), tree(), rope(6), snake(8)], ids=["chain", "tree", "rope", "snake"]
+    "text",
+    [chain(40), tree(), rope(6), rod(6), snake(8)],
+    ids=["chain", "tree", "rope", "rod", "snake"],
 )
 def test_lanes_of_short_visits_are_vectors_too(text: str, tmp_path: Path) -> None:
     """gcc takes loops of few iterations and statements apart before it looks for vectors, and then

@@ -8,7 +8,7 @@ as f ∂ℓ/∂q. Motors at a site push and turn the site's body.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -21,7 +21,7 @@ from derive.robots.mjcf.reference import felt_by_line, felt_inertia
 from derive.robots.mjcf.settings import completed
 from derive.robots.mjcf.tendons import Line, Tendons, pull, tension_of
 from derive.robots.numbers import listing, scalar, written
-from derive.robots.robot import ONE_RATE, Entry, Joint, Reading
+from derive.robots.robot import GROUND, ONE_RATE, Entry, Joint, Reading
 from derive.robots.rotations import rotated
 
 CLAMPS = ("ctrlrange", "forcerange", "actrange")
@@ -159,12 +159,62 @@ def _at_joint(
                     ),
                     scene,
                 )
+    elif joint.type in ("ball", "free") and law.plain:
+        _in_other_axes(reading, actuator, law, gear, joint, scene)
     else:
         reading.report(
             actuator,
             f"a <{actuator.tag}> at the {joint.type} joint '{joint.name}'",
-            "a hinge or slide, or a site",
+            "a motor, or a hinge, a slide or a site",
         )
+
+
+def _in_other_axes(
+    reading: Reading, actuator: Element, law: Law, gear: list[float], joint: Joint, scene: Scene
+) -> None:
+    """At a free joint a force along the world's axes and a torque along the body's; `jointinparent`
+    torques are along the joint's axes on the parent, which feels the opposite one."""
+    name = _driver(reading, actuator, law, joint.name, scene)
+    gains = [law.gain[0] * g for g in [*gear, *[0.0] * 6][:6]]
+    unit = law.activation is not None
+    if joint.type == "free":
+        force, torque = gains[:3], gains[3:]
+        along = GROUND if "jointinparent" in actuator.attributes else "body"
+        _push(
+            reading,
+            actuator,
+            name,
+            f"body: {joint.child}, at: [0, 0, 0]",
+            (force, GROUND),
+            unit,
+            scene,
+        )
+    else:
+        torque, along = rotated(joint.rotation, gains[:3]), joint.parent
+    _push(reading, actuator, name, f"body: {joint.child}", (torque, along), unit, scene)
+    if joint.parent != GROUND:
+        opposite = [-x for x in torque]
+        _push(reading, actuator, name, f"body: {joint.parent}", (opposite, along), unit, scene)
+
+
+def _push(
+    reading: Reading,
+    actuator: Element,
+    name: str,
+    where: str,
+    components: tuple[Sequence[float], str],
+    has_unit: bool,
+    scene: Scene,
+) -> None:
+    """A force, where `where` has a point, or a torque, times an input, along a frame's axes."""
+    numbers, frame = components
+    if not any(numbers):
+        return
+    kind, unit = ("force", " N") if " at: " in where else ("torque", " N*m")
+    own = unit if has_unit else ""
+    listed = ", ".join(times(coefficient(x, own), name) if x else "0" for x in numbers)
+    text = f"{{type: {kind}, {where}, components: [{listed}], frame: {frame}}}"
+    scene.robot.loads.append(Entry(reading.symbols(f"{name}_{kind}", "load"), text, actuator))
 
 
 def _along(
@@ -232,14 +282,7 @@ def _at_site(
     name = _driver(reading, actuator, law, actuator.get("site"), scene)
     gear = [law.gain[0] * g for g in [*gear, *[0.0] * 6][:6]]
     at = ", ".join(written(x) for x in frame.at)
-    parts = (("force", f"at: [{at}], ", gear[:3], " N"), ("torque", "", gear[3:], " N*m"))
-    for kind, place, part, unit in parts:
-        if any(part):
-            own = unit if law.activation else ""
-            components = ", ".join(
-                times(coefficient(x, own), name) if x else "0" for x in rotated(frame.turn, part)
-            )
-            text = f"{{type: {kind}, body: {body}, {place}components: [{components}], frame: body}}"
-            scene.robot.loads.append(
-                Entry(reading.symbols(f"{name}_{kind}", "load"), text, actuator)
-            )
+    force, torque = (rotated(frame.turn, part) for part in (gear[:3], gear[3:]))
+    unit = law.activation is not None
+    _push(reading, actuator, name, f"body: {body}, at: [{at}]", (force, "body"), unit, scene)
+    _push(reading, actuator, name, f"body: {body}", (torque, "body"), unit, scene)

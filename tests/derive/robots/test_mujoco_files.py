@@ -474,3 +474,47 @@ def test_stiffness_of_a_ball_joint_turns_it_back(tmp_path):
     assert found.text.count("type: damper, velocity: d.w") == 3 and e.has("dynamics")
     with pytest.raises(ModelError, match="a spring in a free joint"):
         read(tmp_path, text.replace('"ball"', '"free"'))
+
+
+FLOATING = """<mujoco model="floating">
+  <worldbody><body name="a" euler="20 10 5"><freejoint name="f"/><geom size="0.1"/>
+    <body name="c" pos="0.4 0 0" euler="0 90 0"><joint name="b" type="ball"/><geom size="0.1" pos="0.1 0 0"/></body>
+  </body></worldbody>
+  <actuator>{}</actuator>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("actuator", "loads"),
+    [
+        (
+            'joint="f" gear="1 2 0 0 0 3"',
+            [
+                "{type: force, body: a, at: [0, 0, 0], components: [m, 2*m, 0], frame: ground}",
+                "{type: torque, body: a, components: [0, 0, 3*m], frame: body}",
+            ],
+        ),
+        (
+            'jointinparent="f" gear="0 0 0 1 0 0"',
+            ["{type: torque, body: a, components: [m, 0, 0], frame: ground}"],
+        ),
+        (
+            'jointinparent="b" gear="2 0 0"',  # the joint's axes are turned by the body's place
+            [
+                "{type: torque, body: c, components: [0, 0, (-2)*m], frame: a}",
+                "{type: torque, body: a, components: [0, 0, 2*m], frame: a}",
+            ],
+        ),
+    ],
+)
+def test_motors_at_free_and_ball_joints(actuator, loads, tmp_path):
+    """Accelerations of such a file are MuJoCo's to 1e-14."""
+    found = read(tmp_path, FLOATING.format(f'<motor name="m" {actuator}/>'))
+    own = [line.partition(":")[2].strip() for line in found.text.splitlines() if "  m_" in line]
+    assert own == loads
+    assert equations(system(found.model)).has("dynamics")
+
+
+def test_servos_at_free_joints_are_refused(tmp_path):
+    with pytest.raises(ModelError, match="at the free joint 'f'"):
+        read(tmp_path, FLOATING.format('<position name="m" joint="f" kp="3"/>'))

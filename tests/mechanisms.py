@@ -344,7 +344,7 @@ class Parts:
                 "friction": lambda: JointFriction(name, velocity, a, b, c, HERE),
                 "armature": lambda: Armature(name, velocity, a, HERE),
                 "joint spring": lambda: JointSpring(name, str(rng.choice([x.name for x in self.coordinates])), a, b, HERE),
-                "ball spring": lambda: self.ball_spring(name, a) or JointSpring(name, self.coordinates[0].name, a, b, HERE),
+                "ball spring": lambda: self.ball_spring(name, (a, b, c)) or JointSpring(name, self.coordinates[0].name, a, b, HERE),
                 "joint damper": lambda: JointDamper(name, velocity, a, HERE),
                 "point spring": lambda: PointSpring(name, bodies, points, a, b, c, HERE),
                 "force": lambda: Force(name, bodies[0], points[0], (a, b, c), str(rng.choice(["body", "ground"])), HERE),
@@ -356,7 +356,9 @@ class Parts:
             self.loads.pop()
             self.inputs.append(Input(f"u{len(self.inputs)}", velocity, "", "", HERE, gear=b))
 
-    def ball_spring(self, name: str, stiffness: Expression) -> BallSpring | None:
+    def ball_spring(
+        self, name: str, stiffness: tuple[Expression, Expression, Expression]
+    ) -> BallSpring | None:
         """In the last ball joint; None without one."""
         for joint in reversed(dict.fromkeys(x.owner for x in self.coordinates)):
             q = [x.name for x in self.coordinates if x.owner == joint]

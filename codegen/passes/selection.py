@@ -16,6 +16,7 @@ from derive.formulations.records import Equations, Function, Request, Result
 from derive.formulations.requests import request_of, unknown_function
 
 MOST_ON_STACK = 60_000  # entries of a matrix that is factored while stepping
+JACOBIAN = "jacobian"
 MOST_ENTRIES = 10_000  # of a matrix that nobody asked for
 
 
@@ -47,6 +48,7 @@ def contents(
         enforcements = usual_enforcements(chosen) if enforcements is None else enforcements
         needs = [*integrator_needs(integrators), *enforcement_needs(equations, enforcements)]
         needs += watched_functions(equations)
+        check_jacobian(equations, needs)
         chosen = selection(equations, [*_names(chosen), *needs])
         called = {*needs, *(name for loop in loops for name in loop.needs[1:])}
         check_size([function for function in chosen if function.name in called])
@@ -122,15 +124,25 @@ def integrator_needs(integrators: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(need for name in integrators for need in known[name].needs))
 
 
+def check_jacobian(equations: Equations, needs: Sequence[str]) -> None:
+    """Before it is derived, which takes minutes for what is too large."""
+    states = len(equations.argument("x").labels)
+    if JACOBIAN in needs:
+        _refuse_large(JACOBIAN, states**2)
+
+
 def check_size(chosen: Sequence[Function]) -> None:
     """Jacobians are worked on in place, on the stack: refuse those that would not fit there."""
     for function in chosen:
-        many = function.result.size
-        if many > MOST_ON_STACK:
-            raise AssumptionError(
-                f"{function.name} has {many} entries, too many to solve with on the stack",
-                "an explicit integrator and the enforcement projection or none have no such limit",
-            )
+        _refuse_large(function.name, function.result.size)
+
+
+def _refuse_large(name: str, entries: int) -> None:
+    if entries > MOST_ON_STACK:
+        raise AssumptionError(
+            f"{name} has {entries} entries, too many to solve with on the stack",
+            "an explicit integrator and the enforcement projection or none have no such limit",
+        )
 
 
 def enforcement_needs(equations: Equations, enforcements: Sequence[str]) -> list[str]:

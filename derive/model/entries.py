@@ -12,6 +12,7 @@ from pydantic import Field, Tag
 
 from derive.model.keys import (
     Constant,
+    ConstantOrList,
     Constants,
     Direction,
     Entry,
@@ -222,8 +223,9 @@ Orientation = Annotated[
 class JointSpringEntry(Entry):
     """A spring in the joint: -stiffness (q - rest)."""
 
-    stiffness: Constant = Field(
-        description="Stiffness.", json_schema_extra=term("k in V = ½ k (q − q₀)²", "N/m | N*m/rad")
+    stiffness: ConstantOrList = Field(
+        description="Stiffness; of a ball joint one number, or one for each axis.",
+        json_schema_extra=term("k in V = ½ k (q − q₀)²", "N/m | N*m/rad"),
     )
     rest: Constant | None = Field(
         None,

@@ -21,14 +21,15 @@ class JointSpring:
 
 @dataclass(frozen=True)
 class BallSpring:
-    """Torque −stiffness φ in a ball joint, φ the rotation vector of its unit quaternion, the
-    shorter way round: `coordinates` (w, x, y, z) and the angular velocities."""
+    """V = ½ Σ stiffnessᵢ φᵢ² in a ball joint, φ the rotation vector of its unit quaternion, the
+    shorter way round, along the joint's axes: `coordinates` (w, x, y, z) and the angular
+    velocities. Where the stiffnesses are equal that is a torque −stiffness φ."""
 
     name: str
     joint: str
     coordinates: tuple[str, str, str, str]
     velocities: tuple[str, str, str]
-    stiffness: Expression
+    stiffness: Vector3
     span: Span
 
 

@@ -111,10 +111,18 @@ def _joint_spring(doc: Manuscript, x: JointSpring) -> Runs:
 
 
 def _ball_spring(doc: Manuscript, x: BallSpring) -> Runs:
+    equal = len(set(x.stiffness)) == 1
+    size = (
+        measured(doc, x.stiffness[0], x.name, "N*m/rad")
+        if equal
+        else measured_vector(doc, x.stiffness, x.name, "N*m/rad")
+    )
+    turn = "the angle it has turned by" if equal else "the components of its rotation vector"
     return runs(
-        "spring in the ball joint {joint}: stiffness {stiffness}, times the angle it has turned by",
+        "spring in the ball joint {joint}: stiffness {size}, times {turn}",
         joint=called(x.joint),
-        stiffness=measured(doc, x.stiffness, x.name, "N*m/rad"),
+        size=size,
+        turn=turn,
     )
 
 

@@ -22,13 +22,19 @@ def joint_spring(scene: Scene, load: JointSpring) -> Applied:
 
 
 def ball_spring(scene: Scene, load: BallSpring) -> Applied:
-    """V = ½ k φ², φ = 2 atan2(|(x, y, z)|, |w|) the angle of a unit quaternion (w, x, y, z)."""
+    """V = ½ Σ kᵢ φᵢ², φ the rotation vector of a unit quaternion (w, x, y, z): its length is the
+    angle 2 atan2(|(x, y, z)|, |w|). Of equal k that is all that counts."""
     s = scene.symbols
     w, x, y, z = (s.names[name] for name in load.coordinates)
     # the angle over the sine, which is what comes of this, has a value at rest, too
     sine = ca.sqrt(x * x + y * y + z * z + AT_REST)
     angle = 2 * ca.atan2(sine, ca.fabs(w))
-    return Applied(ca.SX(0.5 * s.scalar(load.stiffness) * angle * angle), ca.SX.zeros(s.v.numel()))
+    if len(set(load.stiffness)) == 1:
+        squares = s.scalar(load.stiffness[0]) * angle * angle
+    else:
+        k = ca.vertcat(*s.vector(load.stiffness))
+        squares = ca.dot(k, ca.vertcat(x, y, z) ** 2) * (angle / sine) ** 2
+    return Applied(ca.SX(0.5 * squares), ca.SX.zeros(s.v.numel()))
 
 
 def point_spring(scene: Scene, load: PointSpring) -> Applied:

@@ -36,6 +36,14 @@ def optional(reader: Reader, scalar: Scalar | None, where: str, unit: str) -> Ex
     return ZERO if scalar is None else reader.formula(scalar, where, unit=unit)
 
 
+def single(reader: Reader, node: Scalar | Items, what: str) -> Scalar:
+    """The formula itself; the first one after reporting a list."""
+    if not isinstance(node, Items):
+        return node
+    reader.report(node.span, f"{what} with {len(node)} components", "one number")
+    return next(iter(node))
+
+
 def not_negative(
     reader: Reader,
     scalar: Scalar | None,

@@ -7,20 +7,31 @@ from collections.abc import Sequence
 from pydantic import Field
 
 from derive.model.actuators import velocity_of
-from derive.model.document import Key
+from derive.model.document import Items, Key, Scalar
 from derive.model.entries import JointSpringEntry
 from derive.model.frames import Names
-from derive.model.keys import Constant, Entry, Named, NameList, Pair, Text, Word, term
+from derive.model.keys import (
+    Constant,
+    ConstantOrList,
+    Entry,
+    Named,
+    NameList,
+    Pair,
+    Text,
+    Word,
+    term,
+)
 from derive.model.kind import Bodies, Kind
 from derive.model.load_records import BallSpring, JointSpring, PointSpring
-from derive.model.loads.places import optional, per, refuse_keys, two_points
+from derive.model.loads.places import optional, per, refuse_keys, single, two_points
 from derive.model.reader import Reader, force_unit
-from derive.model.records import Coordinate, Velocity
+from derive.model.records import Coordinate, Vector3, Velocity
+from derive.model.space import ORIGIN
 
 
 class SpringEntry(Entry):
     """At a joint or a coordinate: -stiffness (q - rest). In a ball joint: -stiffness times the
-    rotation vector. Between two points: along their line."""
+    rotation vector, or a stiffness about each axis. Between two points: along their line."""
 
     type: Word = Field(
         description="Kind of entry.",
@@ -43,8 +54,9 @@ class SpringEntry(Entry):
     at: Pair | None = Field(
         None, description="A point of each.", json_schema_extra=term("ends of the line", "m")
     )
-    stiffness: Constant = Field(
-        description="Stiffness.", json_schema_extra=term("k", "N/m | N*m/rad")
+    stiffness: ConstantOrList = Field(
+        description="Stiffness; of a ball joint one number, or one for each axis.",
+        json_schema_extra=term("k", "N/m | N*m/rad"),
     )
     length: Constant | None = Field(
         None,
@@ -99,7 +111,9 @@ def spring_at(
     rad."""
     unit = coordinate.unit
     stiffness = reader.formula(
-        entry.stiffness, "a stiffness", unit=per(force_unit(f"{unit or '1'}/s"), unit)
+        single(reader, entry.stiffness, "a stiffness"),
+        "a stiffness",
+        unit=per(force_unit(f"{unit or '1'}/s"), unit),
     )
     return JointSpring(
         name,
@@ -138,14 +152,26 @@ def ball_spring(
         joint,
         (w, x, y, z),
         (wx, wy, wz),
-        reader.formula(entry.stiffness, "a stiffness", unit="N*m/rad"),
+        _about_axes(reader, entry.stiffness),
         key.span,
     )
 
 
+def _about_axes(reader: Reader, node: Scalar | Items) -> Vector3:
+    """One number for all three, or three."""
+    entries = list(node) if isinstance(node, Items) else [node] * 3
+    if len(entries) != 3:
+        message = f"a stiffness with {len(entries)} components"
+        reader.report(node.span, message, "one number, or 3 in a list")
+        return ORIGIN
+    kx, ky, kz = (reader.formula(entry, "a stiffness", unit="N*m/rad") for entry in entries)
+    return kx, ky, kz
+
+
 def _between_points(reader: Reader, document: Bodies, key: Key, entry: SpringEntry) -> PointSpring:
     pair, points = two_points(reader, document, key, entry, ("joint", "coordinate", "rest"))
-    stiffness = reader.formula(entry.stiffness, "a stiffness", unit="N/m")
+    given = single(reader, entry.stiffness, "a stiffness")
+    stiffness = reader.formula(given, "a stiffness", unit="N/m")
     length = optional(reader, entry.length, "a length", "m")
     damping = optional(reader, entry.damping, "a damping coefficient", "N*s/m")
     return PointSpring(str(key), pair, points, stiffness, length, damping, key.span)

@@ -36,7 +36,7 @@ from hamel.verify.reference.layout import Layout
 from hamel.verify.reference.paths import pull
 from hamel.verify.reference.rows import nonideal_force
 from hamel.verify.reference.states import State, inertia_tensor, placed
-from hamel.verify.reference.vectors import Array, cross, rotation_vector, skew
+from hamel.verify.reference.vectors import Array, cross, rotation_vector, skew, turn_slope
 
 
 @dataclass(frozen=True)
@@ -284,14 +284,15 @@ def _joint_spring(spring: JointSpring, model: Model, state: State) -> _Part:
 
 
 def _ball_spring(spring: BallSpring, model: Model, state: State) -> _Part:
-    """V = ½ k φ² and the torque −k φ about the joint's axes, φ the logarithm of the quaternion."""
+    """V = ½ Σ kᵢ φᵢ², φ the logarithm of the quaternion; the torque −J⁻ᵀ k φ about the joint's axes
+    with the slope J⁻¹ = 1 + ½ φ̃ + (1/θ² − cot(θ/2)/(2 θ)) φ̃² of φ by turns about them."""
     h = np.array([state.q[model.coordinate_index(name)] for name in spring.coordinates])
-    turn = rotation_vector(h)
-    stiffness = state.value(spring.stiffness)
+    turn, stiffness = rotation_vector(h), state.vector(spring.stiffness)
     index = model.conjugate_index(spring.velocities[0])
     assert index is not None
-    force = slice(index, index + 3), -stiffness * turn
-    return _only(0.5 * stiffness * float(turn @ turn), springs=force)
+    torque = -turn_slope(turn).T @ (stiffness * turn)
+    V = 0.5 * float(turn @ (stiffness * turn))
+    return _only(V, springs=(slice(index, index + 3), torque))
 
 
 def _resisted(friction: JointDamper | JointFriction, model: Model, state: State) -> _Part:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 Array = np.ndarray
+SMALL_TURN = 1e-4  # rad: below it the last factor of `turn_slope` has few digits, and needs none
 UNIT = {
     "x": np.array([1.0, 0.0, 0.0]),
     "y": np.array([0.0, 1.0, 0.0]),
@@ -55,6 +56,15 @@ def rotation_vector(h: Array) -> Array:
     half = math.asin(min(sine, 1.0)) if sine < cosine else math.acos(min(cosine, 1.0))
     towards = math.copysign(2.0, h[0]) * h[1:]
     return towards * (half / sine) if sine > 0.0 else towards
+
+
+def turn_slope(turn: Array) -> Array:
+    """Of a rotation vector by a small turn about the body's axes; 1/12 is the limit of the last
+    factor at no turn."""
+    across, angle = skew(turn), float(np.linalg.norm(turn))
+    small = angle < SMALL_TURN
+    last = 1.0 / 12.0 if small else 1.0 / angle**2 - 0.5 / (angle * math.tan(0.5 * angle))
+    return np.eye(3) + 0.5 * across + last * (across @ across)
 
 
 def turned_quaternion(h: Array, turn: Array) -> Array:

@@ -470,3 +470,12 @@ def test_entries_of_a_mass_matrix_are_counted_by_velocities(tmp_path: Path) -> N
     """Thirty ball joints have ninety: M over all pairs of them took half a minute to write out."""
     assert derived(tmp_path, rope(6)).system.written
     assert not derived(tmp_path, rope(30)).system.written
+
+
+def test_a_jacobian_that_is_too_large_is_refused_before_it_is_derived(tmp_path: Path) -> None:
+    """Of a rod of forty balls that took minutes."""
+    equations = derived(tmp_path, rope(40))
+    with pytest.raises(AssumptionError, match="jacobian has 78400 entries"):
+        program(equations, DYNAMICS, integrators=("radau",))
+    (request,) = [x for x in equations.requests if x.name == "jacobian"]
+    assert "function" not in vars(request)

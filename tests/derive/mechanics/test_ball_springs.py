@@ -72,6 +72,27 @@ def test_the_torque_is_along_the_rotation_vector(inside: str, loads: str) -> Non
         assert np.abs(rotation_vector(q) - turn).max() < 1e-14 * (1.0 + np.abs(turn).max())
 
 
+def test_a_stiffness_about_each_axis_is_the_slope_of_what_it_stores() -> None:
+    """By central differences of ½ Σ kᵢ φᵢ² along turns about the body's axes."""
+    k = np.array([1.0, 2.0, 5.0])
+    loads = "loads: {s: {type: spring, joint: J, stiffness: [1, 2, 5]}}"
+    e = equations(system(load_text(BALL.replace("IN_JOINT", "").replace("LOADS", loads))))
+    dynamics, rng = functions(e)["dynamics"], np.random.default_rng(6)
+
+    def stored(turn: Rotation) -> float:
+        return 0.5 * float(k @ turn.as_rotvec() ** 2)
+
+    for angle in (1e-3, 0.4, 2.0, 3.0, 4.0):
+        q = turned(rng, angle)
+        turn = Rotation.from_quat([*q[1:], q[0]])
+        steps = [Rotation.from_rotvec(1e-5 * axis) for axis in np.eye(3)]
+        wanted = [(stored(turn * x.inv()) - stored(turn * x)) / 2e-5 for x in steps]
+        got = dynamics(0.0, [*q, 0, 0, 0], [], [3.0, 0.5]).full().ravel()[4:] * INERTIA
+        assert got == pytest.approx(wanted, abs=1e-8)
+    still = dynamics(0.0, [1.0, *[0.0] * 6], [], [3.0, 0.5]).full().ravel()[4:]
+    assert not still.any()
+
+
 def test_slopes_have_values_at_rest() -> None:
     """∂ẇ/∂q along a small turn about x is −k/I."""
     s = system(load_text(BALL.replace("IN_JOINT", IN_JOINT).replace("LOADS", "")))

@@ -745,6 +745,20 @@ ERRORS = [
         "",
     ),
     (
+        "spring_of_ball_about_two_axes",
+        joint("type: ball, spring: {stiffness: «[1, 2]}"),
+        "a stiffness with 2 components",
+        "one number, or 3 in a list",
+        "",
+    ),
+    (
+        "spring_of_hinge_with_a_list",
+        joint("type: revolute, axis: x, spring: {stiffness: «[1, 2, 3]}"),
+        "a stiffness with 3 components",
+        "one number",
+        "",
+    ),
+    (
         "spring_of_euler_angles",
         joint("type: ball, orientation: {euler: zyx}, spring: {stiffness: 1}", "«A"),
         "spring in the joint 'A', which has 3 velocities",

@@ -141,7 +141,8 @@ def _refuse_large(name: str, entries: int) -> None:
     if entries > MOST_ON_STACK:
         raise AssumptionError(
             f"{name} has {entries} entries, too many to solve with on the stack",
-            "an explicit integrator and the enforcement projection or none have no such limit",
+            "an explicit integrator and the enforcement projection or none have no such limit, nor "
+            "have scipy_radau and cvodes in `hamel simulate`",
         )
 
 

@@ -65,6 +65,27 @@ def test_arguments_of_another_size_are_refused(cart_pole, x):
     assert symbols.dynamics(0.0, np.zeros((4, 1)), [1.0]).shape == (4, 1)
 
 
+def test_a_number_does_where_one_value_is_wanted(cart_pole):
+    symbols = generated(cart_pole, "casadi")
+    x, expected = [0.1, 0.2, 0.3, 0.4], cart_pole.module.dynamics(0.0, [0.1, 0.2, 0.3, 0.4], [2.0])
+    for u in (2, 2.0, np.float64(2.0), np.array(2.0), symbols._ca.SX(2), [2.0]):
+        found = symbols._ca.evalf(symbols.dynamics(0, x, u)).full()
+        np.testing.assert_allclose(found.ravel(), expected, rtol=1e-12)
+    with pytest.raises(ValueError, match="x is 1 × 1, and should be 4 × 1"):
+        symbols.dynamics(0.0, 1.0)
+
+
+def test_a_library_of_other_equations_is_refused(cart_pole, tmp_path):
+    """Seen: that of another folder, and what the linker kept of an earlier build, gave numbers."""
+    file, library = "cart_pole_casadi.py", compiler.shared_library("cart_pole")
+    text = (cart_pole.folder / file).read_text("utf-8")
+    program = json.loads((cart_pole.folder / "manifest.json").read_text("utf-8"))["program"]
+    (tmp_path / file).write_text(text.replace(program, program[::-1]), "utf-8")
+    symbols = generated(replace(cart_pole, folder=tmp_path), "casadi")
+    with pytest.raises(ImportError, match=r"compiled from other equations: run build\.py"):
+        symbols.external("dynamics", cart_pole.folder / library)
+
+
 def test_what_was_built_passes_again(cart_pole):
     assert all(result.passed for result in check(cart_pole))
 

@@ -9,16 +9,23 @@ import sys
 
 import numpy as np
 
-from ._shared import FUNCTIONS, PROGRAM, place, prepare, report
+from ._shared import FUNCTIONS, PROGRAM, place, prepare, report, spelled
+
+
+def _opened(path):
+    """The library at `path`; ImportError where it does not fit, or was compiled from other equations."""
+    for _path in (path, spelled(path)):
+        _found = ctypes.CDLL(_path)
+        _found.four_bar_program.restype = ctypes.c_char_p
+        if not _found.four_bar_fits():
+            raise ImportError(f"{path} was compiled for another processor: run build.py")
+        if _found.four_bar_program() == PROGRAM.encode():
+            return _found
+    raise ImportError(f"{path} was compiled from other equations: run build.py; or, where it was, start a new process: this one has an older library loaded")
+
 
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
-_library = ctypes.CDLL(os.path.join(os.path.dirname(__file__), "libfour_bar" + _SUFFIX))
-_library.four_bar_program.restype = ctypes.c_char_p
-if _library.four_bar_program().decode() != PROGRAM:
-    raise ImportError("libfour_bar was compiled from other equations; run build.py")
-
-if not _library.four_bar_fits():
-    raise ImportError("libfour_bar was compiled for another processor; run build.py")
+_library = _opened(os.path.join(os.path.dirname(__file__), "libfour_bar" + _SUFFIX))
 
 _rows = _library.four_bar_rows
 _rows.restype = ctypes.c_size_t

@@ -9,16 +9,23 @@ import sys
 
 import numpy as np
 
-from ._shared import FUNCTIONS, PROGRAM, place, prepare, report
+from ._shared import FUNCTIONS, PROGRAM, place, prepare, report, spelled
+
+
+def _opened(path):
+    """The library at `path`; ImportError where it does not fit, or was compiled from other equations."""
+    for _path in (path, spelled(path)):
+        _found = ctypes.CDLL(_path)
+        _found.snake3_program.restype = ctypes.c_char_p
+        if not _found.snake3_fits():
+            raise ImportError(f"{path} was compiled for another processor: run build.py")
+        if _found.snake3_program() == PROGRAM.encode():
+            return _found
+    raise ImportError(f"{path} was compiled from other equations: run build.py; or, where it was, start a new process: this one has an older library loaded")
+
 
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
-_library = ctypes.CDLL(os.path.join(os.path.dirname(__file__), "libsnake3" + _SUFFIX))
-_library.snake3_program.restype = ctypes.c_char_p
-if _library.snake3_program().decode() != PROGRAM:
-    raise ImportError("libsnake3 was compiled from other equations; run build.py")
-
-if not _library.snake3_fits():
-    raise ImportError("libsnake3 was compiled for another processor; run build.py")
+_library = _opened(os.path.join(os.path.dirname(__file__), "libsnake3" + _SUFFIX))
 
 _rows = _library.snake3_rows
 _rows.restype = ctypes.c_size_t

@@ -3,9 +3,14 @@
 Of codegen: loader.
 """
 
+import importlib
+import importlib.util
 import sys
 import warnings
 from pathlib import Path
+from types import ModuleType
+
+import pytest
 
 import hamel
 from codegen import loader
@@ -38,6 +43,59 @@ def test_paths_do_not_grow_with_the_loads(tmp_path: Path) -> None:
         found.append(accelerations(folder))
     assert found == [3.0, 2.0, 1.5, 3.0]
     assert float(first[0].dynamics(0.0, [0.0, 0.0], [6.0])[1]) == 3.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["extension", "ctypes", "numpy"])
+def test_imports_after_another_build_are_of_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
+) -> None:
+    """Seen: reloaded, the facts were new and the code was not; imported anew, one fell back to
+    ctypes, then to NumPy, for want of code that fits."""
+    warnings.filterwarnings("ignore", "slide: no compiled code")
+    monkeypatch.syspath_prepend(tmp_path)
+    found = []
+    for mass in (2, 3, 4, 2):
+        built(tmp_path, mass, way)
+        if before := sys.modules.get("slide"):
+            found.append(pushed(importlib.reload(before), way))
+            purge("slide")
+        found.append(pushed(importlib.import_module("slide"), way))
+    purge("slide")
+    assert found == [3.0, 2.0, 2.0, 1.5, 1.5, 3.0, 3.0]
+
+
+def built(base: Path, mass: int, way: str, targets: tuple[str, ...] = ()) -> Path:
+    """The folder, without what is better than the way that it is to go."""
+    model, folder = base / "slide.yaml", base / "slide"
+    model.write_text(SLIDE.replace("2 kg", f"{mass} kg"), encoding="utf-8")
+    hamel.build(model, out=folder, targets=targets)
+    better = {"extension": "", "ctypes": "_slide.*", "numpy": "*slide*.so"}[way]
+    for file in folder.glob(better) if better else ():
+        file.unlink()
+    return folder
+
+
+def pushed(module: ModuleType, way: str) -> float:
+    assert (module.backend, module.nx) == (way, 2)
+    return float(module.dynamics(0.0, [0.0, 0.0], [6.0])[1])
+
+
+def purge(name: str) -> None:
+    for each in [each for each in sys.modules if each.split(".")[0] == name]:
+        del sys.modules[each]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", ["jax", "numba"])
+def test_targets_open_the_library_of_the_last_build(tmp_path: Path, target: str) -> None:
+    """Seen: "compiled from other equations: run build.py" in the process that had just done so."""
+    pytest.importorskip(target)
+    for mass in (2, 3, 4):
+        folder = built(tmp_path, mass, "extension", (target,))
+        spec = importlib.util.spec_from_file_location("opened", folder / f"slide_{target}.py")
+        assert spec and spec.loader
+        spec.loader.exec_module(importlib.util.module_from_spec(spec))
 
 
 def test_what_was_needed_for_a_command_is_let_go(tmp_path: Path) -> None:

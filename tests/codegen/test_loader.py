@@ -1,10 +1,12 @@
 """Generated folders are loaded as often as one likes, and what was built again is new.
 
-Of codegen: loader.
+Of codegen: loaded, loader.
 """
 
 import importlib
 import importlib.util
+import pickle
+import subprocess
 import sys
 import warnings
 from pathlib import Path
@@ -45,6 +47,33 @@ def test_paths_do_not_grow_with_the_loads(tmp_path: Path) -> None:
     assert float(first[0].dynamics(0.0, [0.0, 0.0], [6.0])[1]) == 3.0
 
 
+def test_functions_and_results_go_to_other_processes(tmp_path: Path) -> None:
+    """Seen: workers died of "No module named 'hamel_generated_1_slide'"."""
+    folder = built(tmp_path / "a.b", 2, "extension")
+    module = hamel.load(folder)
+    motion = module.simulate((0.0, 1.0), [0.0, 0.0], [6.0])
+    assert elsewhere(pickle.dumps((module.dynamics, motion))) == "1.5 [0. 3.]"
+    assert elsewhere(pickle.dumps((module.simulate, motion)), "type(f).__name__") == "1.5 function"
+    built(tmp_path / "a.b", 3, "extension")
+    with pytest.raises(AssertionError, match="no longer holds the equations that were loaded"):
+        elsewhere(pickle.dumps((module.dynamics, motion)))
+    module = hamel.load(folder)
+    motion = module.simulate((0.0, 1.0), [0.0, 0.0], [6.0])
+    assert elsewhere(pickle.dumps((module.dynamics, motion))) == "1.0 [0. 2.]"
+
+
+def elsewhere(pickled: bytes, call: str = "f(0.0, [0.0, 0.0], [6.0])") -> str:
+    """What a process that knows nothing of it makes of a function and a motion."""
+    script = (
+        "import pickle, sys; f, motion = pickle.loads(sys.stdin.buffer.read()); "
+        f"print(round(motion.x[-1, 0], 9), {call})"
+    )
+    command = [sys.executable, "-c", script]
+    run = subprocess.run(command, input=pickled, capture_output=True, check=False)
+    assert not run.returncode, run.stderr.decode()
+    return run.stdout.decode().strip()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("way", ["extension", "ctypes", "numpy"])
 def test_imports_after_another_build_are_of_that(
@@ -68,6 +97,7 @@ def test_imports_after_another_build_are_of_that(
 def built(base: Path, mass: int, way: str, targets: tuple[str, ...] = ()) -> Path:
     """The folder, without what is better than the way that it is to go."""
     model, folder = base / "slide.yaml", base / "slide"
+    base.mkdir(exist_ok=True)
     model.write_text(SLIDE.replace("2 kg", f"{mass} kg"), encoding="utf-8")
     hamel.build(model, out=folder, targets=targets)
     better = {"extension": "", "ctypes": "_slide.*", "numpy": "*slide*.so"}[way]

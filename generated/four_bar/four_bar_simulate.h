@@ -21,7 +21,7 @@ enum {
     FOUR_BAR_SINGULAR_POSITION = 7, /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
     FOUR_BAR_SINGULAR_CHOICE = 8, /* this choice of quasi-velocities is singular here, the constraints are not: another one goes on */
     FOUR_BAR_NO_INPUT = 9,       /* the callback of the inputs failed, or gave what is not finite */
-    FOUR_BAR_NO_EVENT = 10,      /* a function of the events failed, or gave what is not finite */
+    FOUR_BAR_NO_EVENT = 10,      /* a function of the events failed, or gave what is not finite; or count, call and sign are not as four_bar_watch wants them */
     FOUR_BAR_EVENT = 11,         /* an event that is to stop the motion did */
     FOUR_BAR_FULL = 12,          /* no room for the events of another step: take them out and call again */
     FOUR_BAR_JUMP = 13           /* a constraint jumps, as where a rope comes off a pulley: nothing leads on */
@@ -47,9 +47,9 @@ typedef struct {
     int count;
     four_bar_callback call; /* NULL where count is 0 */
     void *data;
-    const int *direction; /* of each: 1 counts changes from - to +, -1 from + to -, 0 both */
-    const int *stop; /* of each: 1 ends the motion there, with FOUR_BAR_EVENT */
-    int *sign; /* of each: on which side it is; made at the start */
+    const int *direction; /* of each: 1 counts changes from - to +, -1 from + to -, 0 both; NULL: both */
+    const int *stop; /* of each: 1 ends the motion there, with FOUR_BAR_EVENT; NULL: none does */
+    int *sign; /* of each: on which side it is; made at the start; NULL where count is 0 */
     size_t room, n; /* what there is room for below, and what is there; FOUR_BAR_FULL asks to take it out and go on: 16 of each are needed */
     double *t, *x; /* t NULL where nobody asks for events that do not stop the motion; of each event: time and state, a row of FOUR_BAR_NX as in x_out */
     int *which; /* and of which function */
@@ -96,8 +96,8 @@ typedef struct {
     double turns[3]; /* whole turns that were taken out of each coordinate */
 } four_bar_simulation;
 
-/* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out and an
-   entry of work_out for each, which may be NULL. Returns a status; the structure always holds the last good step.
+/* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out for
+   each, and an entry of work_out where that is not NULL. Returns a status; the structure always holds the last good step.
    q1, q2, q3 go round: nothing that is computed on the way sees their whole turns, so that beyond a turn these are taken
    out, counted and put back in x_out. Angles of many turns have few digits left for the constraints: reduced_out, where it is not
    NULL, gets the rows as they were integrated, without the whole turns. */
@@ -130,7 +130,7 @@ typedef struct {
     double *x_out, *work_out, *v_out, *chart_out, *reduced_out, *frame_out; /* n rows of each motion; the last five as for four_bar_simulate, or NULL */
     four_bar_end *ends; /* one of each motion */
     four_bar_simulation *simulations; /* NULL, or one of each motion that is on its way: it goes on from there, `done` counting from 0 again, and is there again afterwards */
-    four_bar_watch *events; /* NULL, or of each motion */
+    four_bar_watch *events; /* NULL, or of each motion, with the same count */
     const four_bar_inputs *inputs; /* NULL where u is constant */
     ptrdiff_t inputs_stride; /* 1 where each motion has its own, 0 to use one for all */
 } four_bar_motions;

@@ -19,6 +19,25 @@ static int count_of(const Events *e)
     return EVENTS + e->count;
 }
 
+/* Of function k: which changes count, and whether they stop the motion. */
+static int direction_of(const Events *e, int k)
+{
+#if EVENTS
+    if (!e->direction && k < EVENTS)
+        return own_direction[k];
+#endif
+    return e->direction ? e->direction[k] : 0;
+}
+
+static int stop_of(const Events *e, int k)
+{
+#if EVENTS
+    if (!e->stop && k < EVENTS)
+        return own_stop[k];
+#endif
+    return e->stop ? e->stop[k] : 0;
+}
+
 /* All functions at t and y: those of the model, then those of the callback. */
 static int events_at(Run *r, double t, const double *y, double *g)
 {
@@ -56,12 +75,14 @@ static int sign_of(double g, int before)
     return g > 0.0 ? 1 : g < 0.0 ? -1 : before;
 }
 
-/* Signs at the start: a function that is zero there gets one when it leaves. */
+/* Signs at the start: a function that is zero there gets one when it leaves. What nothing can be looked for with is refused. */
 static int events_begin(Run *r)
 {
     Events *const e = r->s->events;
     double g[EVENTS_MOST];
-    int i, status = events_at(r, r->s->t, r->s->x, g);
+    int i, status = NO_EVENT;
+    if (e->count >= 0 && count_of(e) <= EVENTS_MOST && (e->call || !e->count) && (e->sign || !count_of(e)))
+        status = events_at(r, r->s->t, r->s->x, g);
     for (i = 0; i < count_of(e) && status == OK; i++)
         e->sign[i] = sign_of(g[i], 0);
     return status;
@@ -295,11 +316,11 @@ static int events_inside(Run *r, const Method *method, double h, int crossed, do
             double there[N], bend[N], theta = all[i].theta;
             in.k = all[i].k;
             e->sign[in.k] = all[i].sign;
-            if (e->direction[in.k] * all[i].sign < 0 || (!e->t && !e->stop[in.k]))
+            if (direction_of(e, in.k) * all[i].sign < 0 || (!e->t && !stop_of(e, in.k)))
                 continue;
             if ((status = located(&in, &theta, there, bend)) != OK || (e->t && (status = recorded(&in, s->t + theta * h, there)) != OK))
                 break;
-            if (e->stop[in.k]) {
+            if (stop_of(e, in.k)) {
                 *end = s->t + theta * h;
                 memcpy(z, there, sizeof there);
                 memcpy(next, bend, sizeof bend);

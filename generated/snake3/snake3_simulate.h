@@ -21,7 +21,7 @@ enum {
     SNAKE3_SINGULAR_POSITION = 7, /* the motion came to a singular position, or ways across it disagree: its branch cannot be told */
     SNAKE3_SINGULAR_CHOICE = 8, /* this choice of quasi-velocities is singular here, the constraints are not: another one goes on */
     SNAKE3_NO_INPUT = 9,       /* the callback of the inputs failed, or gave what is not finite */
-    SNAKE3_NO_EVENT = 10,      /* a function of the events failed, or gave what is not finite */
+    SNAKE3_NO_EVENT = 10,      /* a function of the events failed, or gave what is not finite; or count, call and sign are not as snake3_watch wants them */
     SNAKE3_EVENT = 11,         /* an event that is to stop the motion did */
     SNAKE3_FULL = 12,          /* no room for the events of another step: take them out and call again */
     SNAKE3_JUMP = 13           /* a constraint jumps, as where a rope comes off a pulley: nothing leads on */
@@ -46,9 +46,9 @@ typedef struct {
     int count;
     snake3_callback call; /* NULL where count is 0 */
     void *data;
-    const int *direction; /* of each: 1 counts changes from - to +, -1 from + to -, 0 both */
-    const int *stop; /* of each: 1 ends the motion there, with SNAKE3_EVENT */
-    int *sign; /* of each: on which side it is; made at the start */
+    const int *direction; /* of each: 1 counts changes from - to +, -1 from + to -, 0 both; NULL: both */
+    const int *stop; /* of each: 1 ends the motion there, with SNAKE3_EVENT; NULL: none does */
+    int *sign; /* of each: on which side it is; made at the start; NULL where count is 0 */
     size_t room, n; /* what there is room for below, and what is there; SNAKE3_FULL asks to take it out and go on: 16 of each are needed */
     double *t, *x; /* t NULL where nobody asks for events that do not stop the motion; of each event: time and state, a row of SNAKE3_NX as in x_out */
     int *which; /* and of which function */
@@ -92,8 +92,8 @@ typedef struct {
     double turns[5]; /* whole turns that were taken out of each coordinate */
 } snake3_simulation;
 
-/* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out and an
-   entry of work_out for each, which may be NULL. Returns a status; the structure always holds the last good step.
+/* Goes on to the n increasing output times, which are hit exactly, for at most `budget` steps, and writes a row of x_out for
+   each, and an entry of work_out where that is not NULL. Returns a status; the structure always holds the last good step.
    th, phi1, phi2 go round: nothing that is computed on the way sees their whole turns, so that beyond a turn these are taken
    out, counted and put back in x_out. Angles of many turns have few digits left for the constraints: reduced_out, where it is not
    NULL, gets the rows as they were integrated, without the whole turns. */
@@ -126,7 +126,7 @@ typedef struct {
     double *x_out, *work_out, *v_out, *chart_out, *reduced_out, *frame_out; /* n rows of each motion; the last five as for snake3_simulate, or NULL */
     snake3_end *ends; /* one of each motion */
     snake3_simulation *simulations; /* NULL, or one of each motion that is on its way: it goes on from there, `done` counting from 0 again, and is there again afterwards */
-    snake3_watch *events; /* NULL, or of each motion */
+    snake3_watch *events; /* NULL, or of each motion, with the same count */
     const snake3_inputs *inputs; /* NULL where u is constant */
     ptrdiff_t inputs_stride; /* 1 where each motion has its own, 0 to use one for all */
 } snake3_motions;

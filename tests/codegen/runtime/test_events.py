@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import functools
 import importlib
+import subprocess
 from fractions import Fraction
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -92,6 +94,55 @@ def test_events_are_where_the_closed_form_says(spring: ModuleType, integrator: s
     assert motion.status == spring.Status.EVENT
     assert motion.t.tolist() == [0.0, 19.5] and motion.x.shape == (2, 2)
     assert motion.x[-1, 0] == pytest.approx(np.cos(19.5), abs=10 * within)
+
+
+IN_C = r"""#include <stdio.h>
+#include "spring_simulate.h"
+static int top(double t, const double *x, double *out, void *data)
+{ (void)t, (void)data; out[0] = x[0] - 0.9999; return 0; }
+static void ended(spring_watch watch)
+{
+    double times[1] = {30.0}, u[1] = {0.0}, row[2];
+    spring_simulation motion = {.x = {1.0, 0.0}, .events = &watch};
+    int status = spring_simulate(&motion, 1, times, u, NULL, 1e-11, 1e-13, 99999, row, NULL), count[4] = {0};
+    for (size_t k = 0; k < watch.n; k++)
+        count[watch.which[k]]++;
+    printf("%d %.9g %d %d %d %d\n", status, motion.t, count[0], count[1], count[2], count[3]);
+}
+int main(void)
+{
+    static double t[300], x[600];
+    static int which[300], sign[4];
+    printf("%d %d\n", spring_event_direction[1], spring_event_stop[2]);
+    ended((spring_watch){.sign = sign});
+    ended((spring_watch){.sign = sign, .room = 300, .t = t, .x = x, .which = which});
+    ended((spring_watch){.sign = sign, .room = 300, .t = t, .x = x, .which = which, .count = 1, .call = top});
+    ended((spring_watch){0});
+    ended((spring_watch){.sign = sign, .count = 1});
+    ended((spring_watch){.sign = sign, .count = 64, .call = top});
+    return 0;
+}
+"""
+
+
+def test_without_more_a_watch_in_c_is_what_the_model_says(
+    spring: ModuleType, tmp_path: Path
+) -> None:
+    """Seen: NULL as direction and stop ended the program; they had to be copied from the model."""
+    (tmp_path / "main.c").write_text(IN_C)
+    command, folder = compiler.find_compiler(), Path(str(spring.__file__)).parent.resolve()
+    assert command is not None
+    library = folder / compiler.shared_library("spring")
+    make = [*command, f"-I{folder}", "main.c", str(library), "-lm", "-o", "main"]
+    subprocess.run(make, cwd=tmp_path, check=True)
+    run = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines() == [
+        "1 1",
+        "11 19.5 0 0 0 0",
+        "11 19.5 6 3 1 0",
+        "11 19.5 6 3 1 7",
+        *["10 0 0 0 0 0"] * 3,
+    ]
 
 
 @pytest.mark.parametrize("integrator", NAMES)

@@ -58,7 +58,7 @@ def _checked(check: TargetCheck, subject: Subject) -> str:
         warnings.warn(
             f"target {check.target} was not checked: {error}", RuntimeWarning, stacklevel=4
         )
-        return f"{UNCHECKED}, for want of {check.tool}"
+        return f"{UNCHECKED}: {error.diagnostics[0].message}"
     failed = [result.failure for result in results if not result.passed]
     if failed:
         raise VerificationError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import math
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,7 +91,8 @@ def generated(subject: Subject, target: str) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except (ImportError, OSError) as error:
-        raise ToolchainError(f"{file.name} cannot be imported: {error}") from error
+        said = str(error).replace(f"{subject.folder}{os.sep}", "")  # the manifest holds no path
+        raise ToolchainError(f"{file.name} cannot be imported: {said}") from error
     return module
 
 

@@ -49,9 +49,10 @@ def test_a_target_that_disagrees_ends_the_build(monkeypatch):
 
 
 def test_a_missing_tool_is_warned_of_and_said(monkeypatch):
+    """The one that is missing: with Octave there and no mkoctfile, it said "for want of Octave"."""
     with pytest.warns(RuntimeWarning, match="pip install it"):
         said = checked(monkeypatch, missing)
-    assert said == {"casadi": "not checked, for want of its tool"}
+    assert said == {"casadi": "not checked: it is not there"}
 
 
 def test_a_name_that_is_no_target_is_refused_with_the_nearest(tmp_path):

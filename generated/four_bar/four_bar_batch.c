@@ -436,17 +436,17 @@ void four_bar_rates_lanes(const double *restrict t_, const double *restrict x, c
     (void)t_, (void)x, (void)u, (void)p, (void)c, (void)stray;
 }
 
-void four_bar_rates_pair(const double *restrict t0, const double *restrict x0, const double *restrict u0, const double *restrict p0,
-    const double *restrict c0, double *restrict out0, double *restrict stray0,
-    const double *restrict t1, const double *restrict x1, const double *restrict u1, const double *restrict p1,
-    const double *restrict c1, double *restrict out1, double *restrict stray1)
+void four_bar_rates_pair(const double *restrict t0_, const double *restrict x0_, const double *restrict u0_, const double *restrict p0_,
+    const double *restrict c0_, double *restrict out0_, double *restrict stray0_,
+    const double *restrict t1_, const double *restrict x1_, const double *restrict u1_, const double *restrict p1_,
+    const double *restrict c1_, double *restrict out1_, double *restrict stray1_)
 {
     int lane;
     WHOLE
     for (lane = 0; lane < LANES; lane++) {
         {
-            const double *const t_ = t0, *const x = x0, *const u = u0, *const p = p0, *const c = c0;
-            double *const out = out0, *const stray = stray0;
+            const double *const t_ = t0_, *const x = x0_, *const u = u0_, *const p = p0_, *const c = c0_;
+            double *const out = out0_, *const stray = stray0_;
             double bad = 0.0;
             const double q1 = x[0 * LANES + lane];
             const double q2 = x[1 * LANES + lane];
@@ -525,8 +525,8 @@ void four_bar_rates_pair(const double *restrict t0, const double *restrict x0, c
             (void)t_, (void)x, (void)u, (void)p, (void)c, (void)stray;
         }
         {
-            const double *const t_ = t1, *const x = x1, *const u = u1, *const p = p1, *const c = c1;
-            double *const out = out1, *const stray = stray1;
+            const double *const t_ = t1_, *const x = x1_, *const u = u1_, *const p = p1_, *const c = c1_;
+            double *const out = out1_, *const stray = stray1_;
             double bad = 0.0;
             const double q1 = x[0 * LANES + lane];
             const double q2 = x[1 * LANES + lane];
@@ -615,79 +615,81 @@ void four_bar_slope_lanes(const double *restrict t_, const double *restrict x, c
     WHOLE
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
-        const double q1 = x[0 * LANES + lane];
-        const double q2 = x[1 * LANES + lane];
-        const double q3 = x[2 * LANES + lane];
-        const double q1_dot = x[3 * LANES + lane];
-        const double tau = u[0 * LANES + lane];
-        const double l1 = c[0 * LANES + lane];
-        const double l2 = c[1 * LANES + lane];
-        const double l3 = c[2 * LANES + lane];
-        const double c4 = c[3 * LANES + lane];
-        const double c5 = c[4 * LANES + lane];
-        const double c6 = c[5 * LANES + lane];
-        const double c7 = c[6 * LANES + lane];
-        const double c8 = c[7 * LANES + lane];
-        const double c9 = c[8 * LANES + lane];
-        const double c10 = c[9 * LANES + lane];
-        const double c11 = c[10 * LANES + lane];
-        const double c12 = c[11 * LANES + lane];
-        const double c13 = c[12 * LANES + lane];
+        {
+            const double q1 = x[0 * LANES + lane];
+            const double q2 = x[1 * LANES + lane];
+            const double q3 = x[2 * LANES + lane];
+            const double q1_dot = x[3 * LANES + lane];
+            const double tau = u[0 * LANES + lane];
+            const double l1 = c[0 * LANES + lane];
+            const double l2 = c[1 * LANES + lane];
+            const double l3 = c[2 * LANES + lane];
+            const double c4 = c[3 * LANES + lane];
+            const double c5 = c[4 * LANES + lane];
+            const double c6 = c[5 * LANES + lane];
+            const double c7 = c[6 * LANES + lane];
+            const double c8 = c[7 * LANES + lane];
+            const double c9 = c[8 * LANES + lane];
+            const double c10 = c[9 * LANES + lane];
+            const double c11 = c[10 * LANES + lane];
+            const double c12 = c[11 * LANES + lane];
+            const double c13 = c[12 * LANES + lane];
 
-        /* angles: their sines and cosines, all together */
-        double sin_q2, cos_q2;
-        four_bar_sincos_short(q2, &sin_q2, &cos_q2);
-        double cos_q1_sin, cos_q1;
-        four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
-        const double cos_z1_sin = sin_q2 * cos_q1 + cos_q2 * cos_q1_sin;
-        const double cos_z1 = cos_q2 * cos_q1 - sin_q2 * cos_q1_sin;
-        double cos_q3_sin, cos_q3;
-        four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
-        const double sin_z2 = cos_z1_sin * cos_q3 - cos_z1 * cos_q3_sin;
-        const double cos_z2 = cos_z1 * cos_q3 + cos_z1_sin * cos_q3_sin;
+            /* angles: their sines and cosines, all together */
+            double sin_q2, cos_q2;
+            four_bar_sincos_short(q2, &sin_q2, &cos_q2);
+            double cos_q1_sin, cos_q1;
+            four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
+            const double cos_z1_sin = sin_q2 * cos_q1 + cos_q2 * cos_q1_sin;
+            const double cos_z1 = cos_q2 * cos_q1 - sin_q2 * cos_q1_sin;
+            double cos_q3_sin, cos_q3;
+            four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
+            const double sin_z2 = cos_z1_sin * cos_q3 - cos_z1 * cos_q3_sin;
+            const double cos_z2 = cos_z1 * cos_q3 + cos_z1_sin * cos_q3_sin;
 
-        /* S: generalized velocities per quasi-velocity, v = S w + R c */
-        const double z3 = cos_z2 * c5;
-        const double z4 = l1 * sin_q2;
-        const double z5 = l3 * sin_z2;
-        const double z6 = 1.0 / z5;
-        const double S_3 = z4 * z6;
-        const double z7 = cos_q2 * l1;
-        const double z8 = z3 * S_3 - z7 * c4;
-        const double S_2 = z8 - 1.0;
+            /* S: generalized velocities per quasi-velocity, v = S w + R c */
+            const double z3 = cos_z2 * c5;
+            const double z4 = l1 * sin_q2;
+            const double z5 = l3 * sin_z2;
+            const double z6 = 1.0 / z5;
+            const double S_3 = z4 * z6;
+            const double z7 = cos_q2 * l1;
+            const double z8 = z3 * S_3 - z7 * c4;
+            const double S_2 = z8 - 1.0;
 
-        /* v: generalized velocities */
-        const double v_2 = q1_dot * S_2;
-        const double v_3 = q1_dot * S_3;
+            /* v: generalized velocities */
+            const double v_2 = q1_dot * S_2;
+            const double v_3 = q1_dot * S_3;
 
-        /* sigma: v̇ where ẇ = 0 */
-        const double z9 = q1_dot * z8;
-        const double z10 = z4 * z9;
-        const double z11 = q1_dot * l1 * v_2;
-        const double z12 = q1_dot * z10 - sin_q2 * z11;
-        const double z13 = l3 * v_3 * v_3;
-        const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
-        const double z15 = z6 * (z14 - cos_q2 * z11);
-        const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
+            /* sigma: v̇ where ẇ = 0 */
+            const double z9 = q1_dot * z8;
+            const double z10 = z4 * z9;
+            const double z11 = q1_dot * l1 * v_2;
+            const double z12 = q1_dot * z10 - sin_q2 * z11;
+            const double z13 = l3 * v_3 * v_3;
+            const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
+            const double z15 = z6 * (z14 - cos_q2 * z11);
+            const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
 
-        /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
-        const double z17 = 3.0 * (z8 * (z7 * c6 + z8 * c12) + c13);
-        const double z18 = S_3 * c9 * S_3 + z17;
+            /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
+            const double z17 = 3.0 * (z8 * (z7 * c6 + z8 * c12) + c13);
+            const double z18 = S_3 * c9 * S_3 + z17;
 
-        /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-        const double z19 = z8 * (c7 * z16 - (z12 + 9.81 * cos_z1) * c8);
-        const double z20 = S_3 * (cos_q3 * c10 + 0.03 * v_3 - z15 * c9);
-        const double z21 = 3.0 * tau - cos_q1 * c11 - z20 + c8 * (z7 * z16 + z9 * z10);
-        const double z22 = z19 + z21;
+            /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
+            const double z19 = z8 * (c7 * z16 - (z12 + 9.81 * cos_z1) * c8);
+            const double z20 = S_3 * (cos_q3 * c10 + 0.03 * v_3 - z15 * c9);
+            const double z21 = 3.0 * tau - cos_q1 * c11 - z20 + c8 * (z7 * z16 + z9 * z10);
+            const double z22 = z19 + z21;
 
-        /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-        const double z23 = z22 / z18;
+            /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
+            const double z23 = z22 / z18;
 
-        out[0 * LANES + lane] = q1_dot; /* der(q1), rad/s */
-        out[1 * LANES + lane] = v_2; /* der(q2), rad/s */
-        out[2 * LANES + lane] = v_3; /* der(q3), rad/s */
-        out[3 * LANES + lane] = z23; /* der(q1_dot), rad/s^2 */
-        bad += fabs(z5) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+            out[0 * LANES + lane] = q1_dot; /* der(q1), rad/s */
+            out[1 * LANES + lane] = v_2; /* der(q2), rad/s */
+            out[2 * LANES + lane] = v_3; /* der(q3), rad/s */
+            out[3 * LANES + lane] = z23; /* der(q1_dot), rad/s^2 */
+            bad += fabs(z5) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+        }
         {
             const double q1 = x[0 * LANES + lane];
             const double q2 = x[1 * LANES + lane];
@@ -721,91 +723,93 @@ void four_bar_slope_lanes(const double *restrict t_, const double *restrict x, c
     (void)t_, (void)x, (void)u, (void)p, (void)c, (void)stray;
 }
 
-void four_bar_slope_pair(const double *restrict t0, const double *restrict x0, const double *restrict u0, const double *restrict p0,
-    const double *restrict c0, double *restrict out0, double *restrict power0, double *restrict stray0,
-    const double *restrict t1, const double *restrict x1, const double *restrict u1, const double *restrict p1,
-    const double *restrict c1, double *restrict out1, double *restrict power1, double *restrict stray1)
+void four_bar_slope_pair(const double *restrict t0_, const double *restrict x0_, const double *restrict u0_, const double *restrict p0_,
+    const double *restrict c0_, double *restrict out0_, double *restrict power0_, double *restrict stray0_,
+    const double *restrict t1_, const double *restrict x1_, const double *restrict u1_, const double *restrict p1_,
+    const double *restrict c1_, double *restrict out1_, double *restrict power1_, double *restrict stray1_)
 {
     int lane;
     WHOLE
     for (lane = 0; lane < LANES; lane++) {
         {
-            const double *const t_ = t0, *const x = x0, *const u = u0, *const p = p0, *const c = c0;
-            double *const out = out0, *const power = power0, *const stray = stray0;
+            const double *const t_ = t0_, *const x = x0_, *const u = u0_, *const p = p0_, *const c = c0_;
+            double *const out = out0_, *const power = power0_, *const stray = stray0_;
             double bad = 0.0;
-            const double q1 = x[0 * LANES + lane];
-            const double q2 = x[1 * LANES + lane];
-            const double q3 = x[2 * LANES + lane];
-            const double q1_dot = x[3 * LANES + lane];
-            const double tau = u[0 * LANES + lane];
-            const double l1 = c[0 * LANES + lane];
-            const double l2 = c[1 * LANES + lane];
-            const double l3 = c[2 * LANES + lane];
-            const double c4 = c[3 * LANES + lane];
-            const double c5 = c[4 * LANES + lane];
-            const double c6 = c[5 * LANES + lane];
-            const double c7 = c[6 * LANES + lane];
-            const double c8 = c[7 * LANES + lane];
-            const double c9 = c[8 * LANES + lane];
-            const double c10 = c[9 * LANES + lane];
-            const double c11 = c[10 * LANES + lane];
-            const double c12 = c[11 * LANES + lane];
-            const double c13 = c[12 * LANES + lane];
+            {
+                const double q1 = x[0 * LANES + lane];
+                const double q2 = x[1 * LANES + lane];
+                const double q3 = x[2 * LANES + lane];
+                const double q1_dot = x[3 * LANES + lane];
+                const double tau = u[0 * LANES + lane];
+                const double l1 = c[0 * LANES + lane];
+                const double l2 = c[1 * LANES + lane];
+                const double l3 = c[2 * LANES + lane];
+                const double c4 = c[3 * LANES + lane];
+                const double c5 = c[4 * LANES + lane];
+                const double c6 = c[5 * LANES + lane];
+                const double c7 = c[6 * LANES + lane];
+                const double c8 = c[7 * LANES + lane];
+                const double c9 = c[8 * LANES + lane];
+                const double c10 = c[9 * LANES + lane];
+                const double c11 = c[10 * LANES + lane];
+                const double c12 = c[11 * LANES + lane];
+                const double c13 = c[12 * LANES + lane];
 
-            /* angles: their sines and cosines, all together */
-            double sin_q2, cos_q2;
-            four_bar_sincos_short(q2, &sin_q2, &cos_q2);
-            double cos_q1_sin, cos_q1;
-            four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
-            const double cos_z1_sin = sin_q2 * cos_q1 + cos_q2 * cos_q1_sin;
-            const double cos_z1 = cos_q2 * cos_q1 - sin_q2 * cos_q1_sin;
-            double cos_q3_sin, cos_q3;
-            four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
-            const double sin_z2 = cos_z1_sin * cos_q3 - cos_z1 * cos_q3_sin;
-            const double cos_z2 = cos_z1 * cos_q3 + cos_z1_sin * cos_q3_sin;
+                /* angles: their sines and cosines, all together */
+                double sin_q2, cos_q2;
+                four_bar_sincos_short(q2, &sin_q2, &cos_q2);
+                double cos_q1_sin, cos_q1;
+                four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
+                const double cos_z1_sin = sin_q2 * cos_q1 + cos_q2 * cos_q1_sin;
+                const double cos_z1 = cos_q2 * cos_q1 - sin_q2 * cos_q1_sin;
+                double cos_q3_sin, cos_q3;
+                four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
+                const double sin_z2 = cos_z1_sin * cos_q3 - cos_z1 * cos_q3_sin;
+                const double cos_z2 = cos_z1 * cos_q3 + cos_z1_sin * cos_q3_sin;
 
-            /* S: generalized velocities per quasi-velocity, v = S w + R c */
-            const double z3 = cos_z2 * c5;
-            const double z4 = l1 * sin_q2;
-            const double z5 = l3 * sin_z2;
-            const double z6 = 1.0 / z5;
-            const double S_3 = z4 * z6;
-            const double z7 = cos_q2 * l1;
-            const double z8 = z3 * S_3 - z7 * c4;
-            const double S_2 = z8 - 1.0;
+                /* S: generalized velocities per quasi-velocity, v = S w + R c */
+                const double z3 = cos_z2 * c5;
+                const double z4 = l1 * sin_q2;
+                const double z5 = l3 * sin_z2;
+                const double z6 = 1.0 / z5;
+                const double S_3 = z4 * z6;
+                const double z7 = cos_q2 * l1;
+                const double z8 = z3 * S_3 - z7 * c4;
+                const double S_2 = z8 - 1.0;
 
-            /* v: generalized velocities */
-            const double v_2 = q1_dot * S_2;
-            const double v_3 = q1_dot * S_3;
+                /* v: generalized velocities */
+                const double v_2 = q1_dot * S_2;
+                const double v_3 = q1_dot * S_3;
 
-            /* sigma: v̇ where ẇ = 0 */
-            const double z9 = q1_dot * z8;
-            const double z10 = z4 * z9;
-            const double z11 = q1_dot * l1 * v_2;
-            const double z12 = q1_dot * z10 - sin_q2 * z11;
-            const double z13 = l3 * v_3 * v_3;
-            const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
-            const double z15 = z6 * (z14 - cos_q2 * z11);
-            const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
+                /* sigma: v̇ where ẇ = 0 */
+                const double z9 = q1_dot * z8;
+                const double z10 = z4 * z9;
+                const double z11 = q1_dot * l1 * v_2;
+                const double z12 = q1_dot * z10 - sin_q2 * z11;
+                const double z13 = l3 * v_3 * v_3;
+                const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
+                const double z15 = z6 * (z14 - cos_q2 * z11);
+                const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
 
-            /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
-            const double z17 = 3.0 * (z8 * (z7 * c6 + z8 * c12) + c13);
-            const double z18 = S_3 * c9 * S_3 + z17;
+                /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
+                const double z17 = 3.0 * (z8 * (z7 * c6 + z8 * c12) + c13);
+                const double z18 = S_3 * c9 * S_3 + z17;
 
-            /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-            const double z19 = z8 * (c7 * z16 - (z12 + 9.81 * cos_z1) * c8);
-            const double z20 = S_3 * (cos_q3 * c10 + 0.03 * v_3 - z15 * c9);
-            const double z21 = 3.0 * tau - cos_q1 * c11 - z20 + c8 * (z7 * z16 + z9 * z10);
-            const double z22 = z19 + z21;
+                /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
+                const double z19 = z8 * (c7 * z16 - (z12 + 9.81 * cos_z1) * c8);
+                const double z20 = S_3 * (cos_q3 * c10 + 0.03 * v_3 - z15 * c9);
+                const double z21 = 3.0 * tau - cos_q1 * c11 - z20 + c8 * (z7 * z16 + z9 * z10);
+                const double z22 = z19 + z21;
 
-            /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-            const double z23 = z22 / z18;
+                /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
+                const double z23 = z22 / z18;
 
-            out[0 * LANES + lane] = q1_dot; /* der(q1), rad/s */
-            out[1 * LANES + lane] = v_2; /* der(q2), rad/s */
-            out[2 * LANES + lane] = v_3; /* der(q3), rad/s */
-            out[3 * LANES + lane] = z23; /* der(q1_dot), rad/s^2 */
-            bad += fabs(z5) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+                out[0 * LANES + lane] = q1_dot; /* der(q1), rad/s */
+                out[1 * LANES + lane] = v_2; /* der(q2), rad/s */
+                out[2 * LANES + lane] = v_3; /* der(q3), rad/s */
+                out[3 * LANES + lane] = z23; /* der(q1_dot), rad/s^2 */
+                bad += fabs(z5) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+            }
             {
                 const double q1 = x[0 * LANES + lane];
                 const double q2 = x[1 * LANES + lane];
@@ -838,82 +842,84 @@ void four_bar_slope_pair(const double *restrict t0, const double *restrict x0, c
             (void)t_, (void)x, (void)u, (void)p, (void)c, (void)stray;
         }
         {
-            const double *const t_ = t1, *const x = x1, *const u = u1, *const p = p1, *const c = c1;
-            double *const out = out1, *const power = power1, *const stray = stray1;
+            const double *const t_ = t1_, *const x = x1_, *const u = u1_, *const p = p1_, *const c = c1_;
+            double *const out = out1_, *const power = power1_, *const stray = stray1_;
             double bad = 0.0;
-            const double q1 = x[0 * LANES + lane];
-            const double q2 = x[1 * LANES + lane];
-            const double q3 = x[2 * LANES + lane];
-            const double q1_dot = x[3 * LANES + lane];
-            const double tau = u[0 * LANES + lane];
-            const double l1 = c[0 * LANES + lane];
-            const double l2 = c[1 * LANES + lane];
-            const double l3 = c[2 * LANES + lane];
-            const double c4 = c[3 * LANES + lane];
-            const double c5 = c[4 * LANES + lane];
-            const double c6 = c[5 * LANES + lane];
-            const double c7 = c[6 * LANES + lane];
-            const double c8 = c[7 * LANES + lane];
-            const double c9 = c[8 * LANES + lane];
-            const double c10 = c[9 * LANES + lane];
-            const double c11 = c[10 * LANES + lane];
-            const double c12 = c[11 * LANES + lane];
-            const double c13 = c[12 * LANES + lane];
+            {
+                const double q1 = x[0 * LANES + lane];
+                const double q2 = x[1 * LANES + lane];
+                const double q3 = x[2 * LANES + lane];
+                const double q1_dot = x[3 * LANES + lane];
+                const double tau = u[0 * LANES + lane];
+                const double l1 = c[0 * LANES + lane];
+                const double l2 = c[1 * LANES + lane];
+                const double l3 = c[2 * LANES + lane];
+                const double c4 = c[3 * LANES + lane];
+                const double c5 = c[4 * LANES + lane];
+                const double c6 = c[5 * LANES + lane];
+                const double c7 = c[6 * LANES + lane];
+                const double c8 = c[7 * LANES + lane];
+                const double c9 = c[8 * LANES + lane];
+                const double c10 = c[9 * LANES + lane];
+                const double c11 = c[10 * LANES + lane];
+                const double c12 = c[11 * LANES + lane];
+                const double c13 = c[12 * LANES + lane];
 
-            /* angles: their sines and cosines, all together */
-            double sin_q2, cos_q2;
-            four_bar_sincos_short(q2, &sin_q2, &cos_q2);
-            double cos_q1_sin, cos_q1;
-            four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
-            const double cos_z1_sin = sin_q2 * cos_q1 + cos_q2 * cos_q1_sin;
-            const double cos_z1 = cos_q2 * cos_q1 - sin_q2 * cos_q1_sin;
-            double cos_q3_sin, cos_q3;
-            four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
-            const double sin_z2 = cos_z1_sin * cos_q3 - cos_z1 * cos_q3_sin;
-            const double cos_z2 = cos_z1 * cos_q3 + cos_z1_sin * cos_q3_sin;
+                /* angles: their sines and cosines, all together */
+                double sin_q2, cos_q2;
+                four_bar_sincos_short(q2, &sin_q2, &cos_q2);
+                double cos_q1_sin, cos_q1;
+                four_bar_sincos_short(q1, &cos_q1_sin, &cos_q1);
+                const double cos_z1_sin = sin_q2 * cos_q1 + cos_q2 * cos_q1_sin;
+                const double cos_z1 = cos_q2 * cos_q1 - sin_q2 * cos_q1_sin;
+                double cos_q3_sin, cos_q3;
+                four_bar_sincos_short(q3, &cos_q3_sin, &cos_q3);
+                const double sin_z2 = cos_z1_sin * cos_q3 - cos_z1 * cos_q3_sin;
+                const double cos_z2 = cos_z1 * cos_q3 + cos_z1_sin * cos_q3_sin;
 
-            /* S: generalized velocities per quasi-velocity, v = S w + R c */
-            const double z3 = cos_z2 * c5;
-            const double z4 = l1 * sin_q2;
-            const double z5 = l3 * sin_z2;
-            const double z6 = 1.0 / z5;
-            const double S_3 = z4 * z6;
-            const double z7 = cos_q2 * l1;
-            const double z8 = z3 * S_3 - z7 * c4;
-            const double S_2 = z8 - 1.0;
+                /* S: generalized velocities per quasi-velocity, v = S w + R c */
+                const double z3 = cos_z2 * c5;
+                const double z4 = l1 * sin_q2;
+                const double z5 = l3 * sin_z2;
+                const double z6 = 1.0 / z5;
+                const double S_3 = z4 * z6;
+                const double z7 = cos_q2 * l1;
+                const double z8 = z3 * S_3 - z7 * c4;
+                const double S_2 = z8 - 1.0;
 
-            /* v: generalized velocities */
-            const double v_2 = q1_dot * S_2;
-            const double v_3 = q1_dot * S_3;
+                /* v: generalized velocities */
+                const double v_2 = q1_dot * S_2;
+                const double v_3 = q1_dot * S_3;
 
-            /* sigma: v̇ where ẇ = 0 */
-            const double z9 = q1_dot * z8;
-            const double z10 = z4 * z9;
-            const double z11 = q1_dot * l1 * v_2;
-            const double z12 = q1_dot * z10 - sin_q2 * z11;
-            const double z13 = l3 * v_3 * v_3;
-            const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
-            const double z15 = z6 * (z14 - cos_q2 * z11);
-            const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
+                /* sigma: v̇ where ẇ = 0 */
+                const double z9 = q1_dot * z8;
+                const double z10 = z4 * z9;
+                const double z11 = q1_dot * l1 * v_2;
+                const double z12 = q1_dot * z10 - sin_q2 * z11;
+                const double z13 = l3 * v_3 * v_3;
+                const double z14 = z9 * (q1_dot * z7 + l2 * z9) - cos_z2 * z13;
+                const double z15 = z6 * (z14 - cos_q2 * z11);
+                const double z16 = c4 * (z12 - sin_z2 * z13) + z3 * z15;
 
-            /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
-            const double z17 = 3.0 * (z8 * (z7 * c6 + z8 * c12) + c13);
-            const double z18 = S_3 * c9 * S_3 + z17;
+                /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
+                const double z17 = 3.0 * (z8 * (z7 * c6 + z8 * c12) + c13);
+                const double z18 = S_3 * c9 * S_3 + z17;
 
-            /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-            const double z19 = z8 * (c7 * z16 - (z12 + 9.81 * cos_z1) * c8);
-            const double z20 = S_3 * (cos_q3 * c10 + 0.03 * v_3 - z15 * c9);
-            const double z21 = 3.0 * tau - cos_q1 * c11 - z20 + c8 * (z7 * z16 + z9 * z10);
-            const double z22 = z19 + z21;
+                /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
+                const double z19 = z8 * (c7 * z16 - (z12 + 9.81 * cos_z1) * c8);
+                const double z20 = S_3 * (cos_q3 * c10 + 0.03 * v_3 - z15 * c9);
+                const double z21 = 3.0 * tau - cos_q1 * c11 - z20 + c8 * (z7 * z16 + z9 * z10);
+                const double z22 = z19 + z21;
 
-            /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-            const double z23 = z22 / z18;
+                /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
+                const double z23 = z22 / z18;
 
-            out[0 * LANES + lane] = q1_dot; /* der(q1), rad/s */
-            out[1 * LANES + lane] = v_2; /* der(q2), rad/s */
-            out[2 * LANES + lane] = v_3; /* der(q3), rad/s */
-            out[3 * LANES + lane] = z23; /* der(q1_dot), rad/s^2 */
-            bad += fabs(z5) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+                out[0 * LANES + lane] = q1_dot; /* der(q1), rad/s */
+                out[1 * LANES + lane] = v_2; /* der(q2), rad/s */
+                out[2 * LANES + lane] = v_3; /* der(q3), rad/s */
+                out[3 * LANES + lane] = z23; /* der(q1_dot), rad/s^2 */
+                bad += fabs(z5) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+            }
             {
                 const double q1 = x[0 * LANES + lane];
                 const double q2 = x[1 * LANES + lane];
@@ -957,54 +963,56 @@ void four_bar_looked_lanes(const double *restrict t_, const double *restrict x, 
     for (lane = 0; lane < LANES; lane++) {
         double bad = 0.0;
         stray[lane] = 0.0;
-        const double q1 = x[0 * LANES + lane];
-        const double q2 = x[1 * LANES + lane];
-        const double q3 = x[2 * LANES + lane];
-        const double q1_dot = x[3 * LANES + lane];
-        const double l1 = p[0 * LANES + lane];
-        const double l2 = p[1 * LANES + lane];
-        const double l3 = p[2 * LANES + lane];
-        const double l4 = p[3 * LANES + lane];
+        {
+            const double q1 = x[0 * LANES + lane];
+            const double q2 = x[1 * LANES + lane];
+            const double q3 = x[2 * LANES + lane];
+            const double q1_dot = x[3 * LANES + lane];
+            const double l1 = p[0 * LANES + lane];
+            const double l2 = p[1 * LANES + lane];
+            const double l3 = p[2 * LANES + lane];
+            const double l4 = p[3 * LANES + lane];
 
-        /* angles: their sines and cosines, all together */
-        double sin_q3, cos_q3;
-        four_bar_sincos_short(q3, &sin_q3, &cos_q3);
-        bad += fabs(q3) <= 1e5 ? 0.0 : 1.0;
-        double sin_q1, cos_q1;
-        four_bar_sincos_short(q1, &sin_q1, &cos_q1);
-        bad += fabs(q1) <= 1e5 ? 0.0 : 1.0;
-        double sin_q2, cos_q2;
-        four_bar_sincos_short(q2, &sin_q2, &cos_q2);
-        bad += fabs(q2) <= 1e5 ? 0.0 : 1.0;
-        const double sin_z1 = sin_q1 * cos_q2 + cos_q1 * sin_q2;
-        const double cos_z1 = cos_q1 * cos_q2 - sin_q1 * sin_q2;
-        const double sin_z2 = sin_q3 * cos_z1 - cos_q3 * sin_z1;
-        const double cos_z2 = cos_q3 * cos_z1 + sin_q3 * sin_z1;
+            /* angles: their sines and cosines, all together */
+            double sin_q3, cos_q3;
+            four_bar_sincos_short(q3, &sin_q3, &cos_q3);
+            bad += fabs(q3) <= 1e5 ? 0.0 : 1.0;
+            double sin_q1, cos_q1;
+            four_bar_sincos_short(q1, &sin_q1, &cos_q1);
+            bad += fabs(q1) <= 1e5 ? 0.0 : 1.0;
+            double sin_q2, cos_q2;
+            four_bar_sincos_short(q2, &sin_q2, &cos_q2);
+            bad += fabs(q2) <= 1e5 ? 0.0 : 1.0;
+            const double sin_z1 = sin_q1 * cos_q2 + cos_q1 * sin_q2;
+            const double cos_z1 = cos_q1 * cos_q2 - sin_q1 * sin_q2;
+            const double sin_z2 = sin_q3 * cos_z1 - cos_q3 * sin_z1;
+            const double cos_z2 = cos_q3 * cos_z1 + sin_q3 * sin_z1;
 
-        /* violation: constraint violation: φ(q, t), then A v − c row by row */
-        const double z3 = cos_q3 * l3;
-        const double z4 = cos_z1 * l2;
-        const double z5 = l4 + z3 - cos_q1 * l1 - z4;
-        const double z6 = l3 * sin_q3;
-        const double z7 = l2 * sin_z1;
-        const double z8 = z6 - l1 * sin_q1 - z7;
-        const double z9 = l1 * sin_q2;
-        const double z10 = l3 * sin_z2;
-        const double z11 = z9 / z10;
-        const double z12 = z11 * q1_dot;
-        const double z13 = l1 * cos_q2;
-        const double z14 = l2 + z13;
-        const double z15 = z6 * z12 - q1_dot * (cos_z1 * z9 - sin_z1 * z14);
-        const double z16 = q1_dot * (1.0 + (z13 + l3 * cos_z2 * z11) / l2);
-        const double z17 = z15 - z7 * z16;
-        const double z18 = q1_dot * (sin_z1 * z9 + cos_z1 * z14) + z3 * z12;
-        const double z19 = z4 * z16 - z18;
+            /* violation: constraint violation: φ(q, t), then A v − c row by row */
+            const double z3 = cos_q3 * l3;
+            const double z4 = cos_z1 * l2;
+            const double z5 = l4 + z3 - cos_q1 * l1 - z4;
+            const double z6 = l3 * sin_q3;
+            const double z7 = l2 * sin_z1;
+            const double z8 = z6 - l1 * sin_q1 - z7;
+            const double z9 = l1 * sin_q2;
+            const double z10 = l3 * sin_z2;
+            const double z11 = z9 / z10;
+            const double z12 = z11 * q1_dot;
+            const double z13 = l1 * cos_q2;
+            const double z14 = l2 + z13;
+            const double z15 = z6 * z12 - q1_dot * (cos_z1 * z9 - sin_z1 * z14);
+            const double z16 = q1_dot * (1.0 + (z13 + l3 * cos_z2 * z11) / l2);
+            const double z17 = z15 - z7 * z16;
+            const double z18 = q1_dot * (sin_z1 * z9 + cos_z1 * z14) + z3 * z12;
+            const double z19 = z4 * z16 - z18;
 
-        out[0 * LANES + lane] = z5; /* phi C.x */
-        out[1 * LANES + lane] = z8; /* phi C.y */
-        out[2 * LANES + lane] = z17; /* velocity C.x */
-        out[3 * LANES + lane] = z19; /* velocity C.y */
-        bad += fabs(z10) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+            out[0 * LANES + lane] = z5; /* phi C.x */
+            out[1 * LANES + lane] = z8; /* phi C.y */
+            out[2 * LANES + lane] = z17; /* velocity C.x */
+            out[3 * LANES + lane] = z19; /* velocity C.y */
+            bad += fabs(z10) < 3.9998929431953895e-07 ? 1.0 : 0.0; /* pivot of C.x */
+        }
         {
             const double q1 = x[0 * LANES + lane];
             const double q2 = x[1 * LANES + lane];

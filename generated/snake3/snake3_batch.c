@@ -323,88 +323,90 @@ void snake3_slope_lanes(const double *restrict t_, const double *restrict x, con
     int lane;
     WHOLE
     for (lane = 0; lane < LANES; lane++) {
-        const double th = x[2 * LANES + lane];
-        const double phi1 = x[3 * LANES + lane];
-        const double phi2 = x[4 * LANES + lane];
-        const double v = x[5 * LANES + lane];
-        const double om = x[6 * LANES + lane];
-        const double tau1 = u[0 * LANES + lane];
-        const double tau2 = u[1 * LANES + lane];
-        const double l = c[0 * LANES + lane];
-        const double c2 = c[1 * LANES + lane];
-        const double c3 = c[2 * LANES + lane];
-        const double m = c[3 * LANES + lane];
-        const double c5 = c[4 * LANES + lane];
-        const double c6 = c[5 * LANES + lane];
+        {
+            const double th = x[2 * LANES + lane];
+            const double phi1 = x[3 * LANES + lane];
+            const double phi2 = x[4 * LANES + lane];
+            const double v = x[5 * LANES + lane];
+            const double om = x[6 * LANES + lane];
+            const double tau1 = u[0 * LANES + lane];
+            const double tau2 = u[1 * LANES + lane];
+            const double l = c[0 * LANES + lane];
+            const double c2 = c[1 * LANES + lane];
+            const double c3 = c[2 * LANES + lane];
+            const double m = c[3 * LANES + lane];
+            const double c5 = c[4 * LANES + lane];
+            const double c6 = c[5 * LANES + lane];
 
-        /* angles: their sines and cosines, all together */
-        double sin_th, cos_th;
-        snake3_sincos_short(th, &sin_th, &cos_th);
-        double sin_phi1, cos_phi1;
-        snake3_sincos_short(phi1, &sin_phi1, &cos_phi1);
-        double sin_phi2, cos_phi2;
-        snake3_sincos_short(phi2, &sin_phi2, &cos_phi2);
+            /* angles: their sines and cosines, all together */
+            double sin_th, cos_th;
+            snake3_sincos_short(th, &sin_th, &cos_th);
+            double sin_phi1, cos_phi1;
+            snake3_sincos_short(phi1, &sin_phi1, &cos_phi1);
+            double sin_phi2, cos_phi2;
+            snake3_sincos_short(phi2, &sin_phi2, &cos_phi2);
 
-        /* S: generalized velocities per quasi-velocity, v = S w + R c */
-        const double z1 = sin_phi1 * c2;
-        const double z2 = 1.0 + cos_phi1;
-        const double z3 = c2 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2);
-        const double z4 = z1 - z3;
-        const double z5 = cos_phi1 * l;
-        const double z6 = sin_phi1 * l;
-        const double z7 = c2 * (cos_phi2 * z5 + sin_phi2 * z6);
-        const double S_5_2 = cos_phi1 + z7;
+            /* S: generalized velocities per quasi-velocity, v = S w + R c */
+            const double z1 = sin_phi1 * c2;
+            const double z2 = 1.0 + cos_phi1;
+            const double z3 = c2 * (cos_phi1 * sin_phi2 - sin_phi1 * cos_phi2);
+            const double z4 = z1 - z3;
+            const double z5 = cos_phi1 * l;
+            const double z6 = sin_phi1 * l;
+            const double z7 = c2 * (cos_phi2 * z5 + sin_phi2 * z6);
+            const double S_5_2 = cos_phi1 + z7;
 
-        /* v: generalized velocities */
-        const double z8 = v * z1;
-        const double z9 = om * z2 + 2.0 * z8;
-        const double z10 = 2.0 * v;
-        const double v_5 = om * S_5_2 + z4 * z10;
+            /* v: generalized velocities */
+            const double z8 = v * z1;
+            const double z9 = om * z2 + 2.0 * z8;
+            const double z10 = 2.0 * v;
+            const double v_5 = om * S_5_2 + z4 * z10;
 
-        /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
-        const double z11 = z7 * c5;
-        const double z12 = cos_phi1 * c5;
-        const double z13 = z3 * z11 - z1 * z12;
-        const double M_w_2_2 = cos_phi1 * z12 + c6 + z7 * z11;
+            /* M_w: mass matrix of the quasi-velocities, Sᵀ M S */
+            const double z11 = z7 * c5;
+            const double z12 = cos_phi1 * c5;
+            const double z13 = z3 * z11 - z1 * z12;
+            const double M_w_2_2 = cos_phi1 * z12 + c6 + z7 * z11;
 
-        /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
-        const double z14 = om * l;
-        const double z15 = 0.5 * (cos_phi1 * z14 + sin_phi1 * z10) * z9;
-        const double z16 = m * z15;
-        const double z17 = v * cos_phi1;
-        const double z18 = 0.5 * om;
-        const double z19 = z17 - z6 * z18;
-        const double z20 = l * (z8 + cos_phi1 * z18);
-        const double z21 = z9 * (z17 - 0.5 * z14 * sin_phi1);
-        const double z22 = v_5 * (sin_phi2 * z19 - cos_phi2 * z20) + sin_phi2 * z21;
-        const double z23 = m * (z22 - cos_phi2 * z15);
-        const double z24 = z6 * z16 - z23 * (cos_phi2 * z6 - sin_phi2 * z5);
-        const double z25 = v_5 * (sin_phi2 * z20 + cos_phi2 * z19) + sin_phi2 * z15;
-        const double z26 = c3 * (cos_phi2 * z21 + z25);
-        const double z27 = z21 * c3;
-        const double z28 = S_5_2 * tau2 - z2 * tau1 + cos_phi1 * z27 + z7 * z26;
-        const double f_w_2 = 0.5 * z24 + z28;
+            /* f_w: right-hand side, Sᵀ (Q − h − M σ) */
+            const double z14 = om * l;
+            const double z15 = 0.5 * (cos_phi1 * z14 + sin_phi1 * z10) * z9;
+            const double z16 = m * z15;
+            const double z17 = v * cos_phi1;
+            const double z18 = 0.5 * om;
+            const double z19 = z17 - z6 * z18;
+            const double z20 = l * (z8 + cos_phi1 * z18);
+            const double z21 = z9 * (z17 - 0.5 * z14 * sin_phi1);
+            const double z22 = v_5 * (sin_phi2 * z19 - cos_phi2 * z20) + sin_phi2 * z21;
+            const double z23 = m * (z22 - cos_phi2 * z15);
+            const double z24 = z6 * z16 - z23 * (cos_phi2 * z6 - sin_phi2 * z5);
+            const double z25 = v_5 * (sin_phi2 * z20 + cos_phi2 * z19) + sin_phi2 * z15;
+            const double z26 = c3 * (cos_phi2 * z21 + z25);
+            const double z27 = z21 * c3;
+            const double z28 = S_5_2 * tau2 - z2 * tau1 + cos_phi1 * z27 + z7 * z26;
+            const double f_w_2 = 0.5 * z24 + z28;
 
-        /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
-        const double z29 = cos_th * v;
-        const double z30 = v * sin_th;
-        const double z31 = -z9;
-        const double z32 = cos_phi1 * z16 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z23;
-        const double z33 = z1 * (tau1 - z27) - z4 * tau2 + z3 * z26;
-        const double z34 = 1.0 / M_w_2_2;
-        const double z35 = z13 * z34;
-        const double z36 = c5 * (z3 * z3 + z1 * z1) - z13 * z35;
-        const double z37 = (0.5 * z32 + z33 - z35 * f_w_2) / (m + 1.3333333333333333 * z36);
-        const double z38 = -0.6666666666666666 * z37;
-        const double z39 = z34 * f_w_2 - 1.3333333333333333 * z35 * z37;
+            /* xdot: state derivative: q̇ = N v, ẇ from (Sᵀ M S) ẇ = Sᵀ (Q − h − M σ) */
+            const double z29 = cos_th * v;
+            const double z30 = v * sin_th;
+            const double z31 = -z9;
+            const double z32 = cos_phi1 * z16 - (sin_phi1 * sin_phi2 + cos_phi1 * cos_phi2) * z23;
+            const double z33 = z1 * (tau1 - z27) - z4 * tau2 + z3 * z26;
+            const double z34 = 1.0 / M_w_2_2;
+            const double z35 = z13 * z34;
+            const double z36 = c5 * (z3 * z3 + z1 * z1) - z13 * z35;
+            const double z37 = (0.5 * z32 + z33 - z35 * f_w_2) / (m + 1.3333333333333333 * z36);
+            const double z38 = -0.6666666666666666 * z37;
+            const double z39 = z34 * f_w_2 - 1.3333333333333333 * z35 * z37;
 
-        out[0 * LANES + lane] = z29; /* der(x), m/s */
-        out[1 * LANES + lane] = z30; /* der(y), m/s */
-        out[2 * LANES + lane] = om; /* der(th), rad/s */
-        out[3 * LANES + lane] = z31; /* der(phi1), rad/s */
-        out[4 * LANES + lane] = v_5; /* der(phi2), rad/s */
-        out[5 * LANES + lane] = z38; /* der(v), m/s^2 */
-        out[6 * LANES + lane] = z39; /* der(om), rad/s^2 */
+            out[0 * LANES + lane] = z29; /* der(x), m/s */
+            out[1 * LANES + lane] = z30; /* der(y), m/s */
+            out[2 * LANES + lane] = om; /* der(th), rad/s */
+            out[3 * LANES + lane] = z31; /* der(phi1), rad/s */
+            out[4 * LANES + lane] = v_5; /* der(phi2), rad/s */
+            out[5 * LANES + lane] = z38; /* der(v), m/s^2 */
+            out[6 * LANES + lane] = z39; /* der(om), rad/s^2 */
+        }
         {
             const double phi1 = x[3 * LANES + lane];
             const double phi2 = x[4 * LANES + lane];

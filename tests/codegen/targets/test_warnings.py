@@ -31,6 +31,7 @@ STRICT = (
     "-Wextra",
     "-Wpedantic",
     "-Wdouble-promotion",
+    "-Wshadow",
     "-Werror",
     "-fsyntax-only",
 )

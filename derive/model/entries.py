@@ -291,7 +291,11 @@ class JointEntry(TurnedEntry):
         None,
         description="Universal joint: the second axis, at right angles to the first, fixed in "
         "the child.",
-        json_schema_extra=term("the second e of a universal joint", "1"),
+        json_schema_extra=term(
+            "the second e of a universal joint",
+            "1",
+            "y after x, z after y, x after z: by the largest component of `axis`, square to it",
+        ),
     )
     pitch: Constant | None = Field(
         None,
@@ -368,7 +372,11 @@ class ClosureEntry(TurnedEntry):
         None,
         description="Universal joint: the second axis, at right angles to the first, fixed in "
         "the second body.",
-        json_schema_extra=term("the second e of a universal joint", "1"),
+        json_schema_extra=term(
+            "the second e of a universal joint",
+            "1",
+            "y after x, z after y, x after z: by the largest component of `axis`, square to it",
+        ),
     )
     pitch: Constant | None = Field(
         None,

@@ -12,7 +12,7 @@ import pytest
 
 import hamel
 from derive.diagnostics import Diagnostic, ModelError
-from derive.model import load_text, reference
+from derive.model import load_text, placements, reference
 from derive.model.document import Scalar, Source, parsed
 from derive.model.expansion import expanded
 from derive.model.keys import Entry
@@ -114,3 +114,24 @@ def test_the_unit_of_a_key_is_the_one_that_is_demanded(name: str) -> None:
     path, _, unit, scalar = next(place for place in PLACES if place[1] == name)
     assert units_refused(name, unit, scalar, path), (unit, scalar)
     assert not units_refused(name, "kg*s", scalar, path) or unit == "1"
+
+
+@pytest.mark.parametrize(
+    ("axis", "second"),
+    [
+        ("x", (0.0, 1.0, 0.0)),
+        ("y", (0.0, 0.0, 1.0)),
+        ("z", (1.0, 0.0, 0.0)),
+        ("[0.6, 0, 0.8]", (0.8, 0.0, -0.6)),
+    ],
+)
+def test_a_second_axis_that_is_left_out_is_the_one_that_the_page_says(
+    axis: str, second: tuple[float, ...]
+) -> None:
+    assert PAGE.read_text("utf-8").count("| y after x, z after y, x after z: by the largest") == 2
+    model = load_text(
+        "model: m\nbodies: {b: {mass: 1 kg, inertia: [1, 1, 1]}}\n"
+        f"joints: {{J: {{type: universal, parent: ground, child: b, axis: {axis}}}}}\n"
+    )
+    found = model.joints[0].axis2
+    assert found is not None and placements.numbers(found) == pytest.approx(second, abs=1e-15)

@@ -192,7 +192,7 @@ def conditions_along(
     """cond [A; B] of the named choices at many states (k,), rows scaled to length one there.
 
     t is (k,), q is (k, nq); parameters are the defaults. It shows where along a motion one choice
-    comes near a singular position and another does not. Raises AssumptionError for an unknown name.
+    comes near a singular position and another does not. Raises ModelError for an unknown name.
     """
     survey, p = (
         survey_of(system),

@@ -14,7 +14,7 @@ from derive.choices.frozen import frozen
 from derive.choices.momenta import mass_orthogonal
 from derive.choices.resolution import Resolved, resolved
 from derive.choices.survey import Survey, speed_name
-from derive.diagnostics import AssumptionError, did_you_mean, listed
+from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.expressions.tree import Name, Rate
 from derive.mechanics.records import System
 from derive.model.records import CHOICE_KINDS, Choice, Span, Velocity
@@ -23,8 +23,8 @@ OF_THE_COMMAND = Span(0, 0)
 
 
 def declared(system: System, name: str | None) -> Choice:
-    """The choice of that name; the first of the file when None. Raises AssumptionError for a name
-    that is none."""
+    """The choice of that name; the first of the file when None. Raises ModelError for a name that
+    is none."""
     known = {choice.name: choice for choice in system.model.choices}
     if name is None:
         return system.model.choices[0]
@@ -39,7 +39,7 @@ def _unknown(system: System, name: str, offered: list[str]) -> Choice:
     velocities = [speed_name(system, j) for j in range(system.v.numel())]
     free = f"or one free velocity per degree of freedom, with commas, of {listed(velocities)}"
     hint = did_you_mean(name, offered) or f"known: {listed(offered)}, {free}"
-    raise AssumptionError(f"unknown choice of quasi-velocities '{name}'", hint)
+    raise ModelError(f"unknown choice of quasi-velocities '{name}'", hint)
 
 
 def _partition(system: System, name: str) -> Choice | None:

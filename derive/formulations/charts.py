@@ -18,7 +18,7 @@ from derive.choices.named import carried_through
 from derive.choices.records import Guard
 from derive.choices.resolution import Resolved, ranked_partitions
 from derive.choices.survey import Survey
-from derive.diagnostics import AssumptionError, HamelError
+from derive.diagnostics import HamelError, ModelError
 from derive.formulations.frames import in_numbers
 from derive.formulations.limits import ENOUGH, MOST, SAFE, WORTH
 from derive.formulations.motion import with_frame
@@ -36,12 +36,12 @@ BY_ROWS = (
 
 def charted(found: Sequence[Equations], survey: Survey) -> Equations:
     """The first with the others as its charts, each with the largest values of its guards at the
-    sampled states: what a margin is relative to. Raises AssumptionError where a choice is named
+    sampled states: what a margin is relative to. Raises ModelError where a choice is named
     twice."""
     names = [one.choice for one in found]
     for name in names:
         if names.count(name) > 1:
-            raise AssumptionError(
+            raise ModelError(
                 f"choice '{name}' is named twice among the charts {BETWEEN.join(names)}"
             )
     said = (

@@ -8,7 +8,7 @@ from derive.choices.named import declared
 from derive.choices.ranking import Ranking
 from derive.choices.resolution import ranked_partitions
 from derive.choices.survey import Survey, survey_of
-from derive.diagnostics import AssumptionError, did_you_mean, listed
+from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations.charts import BETWEEN, charted, covered
 from derive.formulations.configuration import configuration, is_plain
 from derive.formulations.fitness import check_determined
@@ -43,9 +43,9 @@ def equations(
 
     Several choices, `a+b`, are charts of one module; with `charts` a choice that is not named gets
     further ones where no choice is safe. With `moving` directions that a choice is based on are
-    data, as generated modules have them. Raises AssumptionError for an unknown name, where nothing
-    determines some acceleration, where the formulation does not fit the system, and where the
-    choice does not fit the constraints.
+    data, as generated modules have them. Raises ModelError for a name that is unknown or
+    named twice, AssumptionError where nothing determines some acceleration, where the formulation
+    does not fit the system, and where the choice does not fit the constraints.
     """
     asked, survey = named(formulation), survey_of(system, moving)
     wanted = [declared(system, name) for name in _names(choice)]
@@ -77,10 +77,10 @@ def _of_choice(asked: Formulation, survey: Survey, choice: Choice) -> Equations:
 
 
 def named(formulation: str) -> Formulation:
-    """The formulation of that name. Raises AssumptionError with the nearest one."""
+    """The formulation of that name. Raises ModelError with the nearest one."""
     known = {f.name: f for f in FORMULATIONS}
     if formulation not in known:
-        raise AssumptionError(
+        raise ModelError(
             f"unknown formulation '{formulation}'",
             did_you_mean(formulation, known) or listed(known),
         )

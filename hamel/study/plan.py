@@ -17,7 +17,7 @@ import numpy as np
 
 from codegen.integrators import INTEGRATORS, Integrator
 from derive.choices.survey import survey_of
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, ModelError
 from derive.enforcement import ENFORCEMENTS
 from derive.formulations import FORMULATIONS, equations, misfits
 from derive.formulations.records import Equations
@@ -164,7 +164,7 @@ def _choices(system: System, asked: Collection[str]) -> tuple[list[str], list[Ex
     for name in dict.fromkeys(asked or known):
         try:
             w = _speeds(system, equations(system, name), np.random.default_rng(rng.integers(1) + 1))
-        except AssumptionError as error:
+        except (AssumptionError, ModelError) as error:
             excluded.append(Excluded(DEFAULT, name, "", "", error.diagnostics[0].message))
             continue
         same = next(

@@ -137,15 +137,15 @@ def _check_choices(names: Collection[str], paths: Sequence[str | PathLike[str]])
     for name in names:
         problems = [problem for each in systems if (problem := _no_choice(each, name))]
         if problems and len(problems) == len(systems):
-            raise ModelError(problems[0].diagnostics)
+            raise problems[0]
 
 
-def _no_choice(system: System, name: str) -> AssumptionError | None:
+def _no_choice(system: System, name: str) -> ModelError | None:
     """Why a name is of no choice of this model."""
     try:
         for part in name.split(BETWEEN):
             declared(system, part.strip())
-    except AssumptionError as problem:
+    except ModelError as problem:
         return problem
     return None
 

@@ -255,6 +255,12 @@ def test_failed_verification_leaves_nothing_behind(hamel, tmp_path, tmp_path_fac
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.parametrize("option", ["--choice", "--formulation"])
+def test_a_name_that_is_none_is_exit_code_1(hamel, option):
+    code, _, err = hamel("build", SNAKE, option, "nonesuch")
+    assert code == 1 and "'nonesuch'" in err
+
+
 def test_failed_verification_is_exit_code_4(hamel, monkeypatch):
     monkeypatch.setattr("hamel.verbs.verify.verification", _failing)
     code, out, _ = hamel("verify", FOUR_BAR, "--json")

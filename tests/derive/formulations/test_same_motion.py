@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import FORMULATIONS, equations, misfits
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
@@ -244,7 +244,7 @@ def test_partitions_by_name(name) -> None:
     ]
     assert len({e.choice for e in by_name}) == 1
     assert by_name[0].reason == "it was asked for by name"
-    with pytest.raises(AssumptionError, match="unknown choice"):
+    with pytest.raises(ModelError, match="unknown choice"):
         equations(s, f"{first.name},{first.name}")
 
 

@@ -50,12 +50,12 @@ except ImportError:
         from . import _library as _binding
 
         backend = "ctypes"
-    except (ImportError, OSError):
+    except (ImportError, OSError) as _error:
         from . import _numpy as _binding
 
         backend = "numpy"
         _warnings.warn("four_bar: no compiled code fits this Python; using NumPy, which is slower. "
-                       "Run build.py in the folder of four_bar to compile; from an archive, unpack it first.", RuntimeWarning, stacklevel=2)
+                       f"Run build.py in the folder of four_bar to compile; from an archive, unpack it first. ({_error})", RuntimeWarning, stacklevel=2)
 
 dynamics = _binding.dynamics
 mass = _binding.mass

@@ -4,7 +4,9 @@ once."""
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 
 from codegen.passes.graph import (
     ONE,
@@ -21,6 +23,9 @@ from codegen.passes.graph import (
 Pair = tuple[
     int, int, float
 ]  # two nodes and the ratio of their factors; in products the ratio is 1 (above) or −1 (below)
+Item = tuple[int, float]  # a member and its factor or exponent
+# of members in order; of wide sums and products neighbours alone
+Pairs = Callable[[Sequence[Item], bool], Iterator[Pair]]
 _WIDE = 48  # in wider sums and products only neighbours are looked at
 
 
@@ -43,34 +48,36 @@ def _share(work: Work, kind: str) -> Work:
     return _rebuild(work, kind, members, extracted) if extracted else work
 
 
-def _product_pairs(members: dict[int, float]) -> Iterator[Pair]:
+def _product_pairs(items: Sequence[Item], wide: bool) -> Iterator[Pair]:
     """Pairs above the line, pairs below it, and squares."""
-    items = sorted(members.items())
     for i, (a, p) in enumerate(items):
         if abs(p) >= 2:
             yield a, a, 1.0 if p > 0 else -1.0
-        for b, q in items[i + 1 : (None if len(items) <= _WIDE else i + 2)]:
+        for b, q in items[i + 1 : (i + 2 if wide else None)]:
             if p * q > 0:
                 yield a, b, 1.0 if p > 0 else -1.0
 
 
-def _sum_pairs(members: dict[int, float]) -> Iterator[Pair]:
-    items = sorted(members.items())
+def _sum_pairs(items: Sequence[Item], wide: bool) -> Iterator[Pair]:
     for i, (a, p) in enumerate(items):
-        for b, q in items[i + 1 : (None if len(items) <= _WIDE else i + 2)]:
+        for b, q in items[i + 1 : (i + 2 if wide else None)]:
             yield a, b, snapped(q / p)
+
+
+def _all_pairs(inside: dict[int, float], pairs: Pairs) -> Iterator[Pair]:
+    return pairs(sorted(inside.items()), len(inside) > _WIDE)
 
 
 def _extract(
     members: dict[int, dict[int, float]],
     fresh: int,
-    pairs: Callable[[dict[int, float]], Iterator[Pair]],
+    pairs: Pairs,
 ) -> dict[int, Pair]:
     """Replace the most frequent pair by a new member, again and again. Returns what the new members
     stand for."""
     where: dict[Pair, set[int]] = {}
     for node, inside in members.items():
-        for pair in pairs(inside):
+        for pair in _all_pairs(inside, pairs):
             where.setdefault(pair, set()).add(node)
     heap = [(-len(nodes), pair) for pair, nodes in where.items() if len(nodes) > 1]
     heapq.heapify(heap)
@@ -97,22 +104,48 @@ def _replace(
     pair: Pair,
     fresh: int,
     where: dict[Pair, set[int]],
-    pairs: Callable[[dict[int, float]], Iterator[Pair]],
+    pairs: Pairs,
     heap: list[tuple[int, Pair]],
 ) -> None:
     """In one sum or product: the pair out, the new member in; the counts follow."""
-    for old in pairs(inside):
+    near = _neighbours(inside, pair) if len(inside) > _WIDE else None
+    for old in _all_pairs(inside, pairs) if near is None else pairs(_items(inside, near), True):
         where[old].discard(node)
     if pairs is _product_pairs:
         _take_factors(inside, pair, fresh)
     else:
         inside[fresh] = inside.pop(pair[0])
         del inside[pair[1]]
-    for new in pairs(inside):
+    for new in _new_pairs(inside, near, fresh, pairs):
         users = where.setdefault(new, set())
         users.add(node)
         if fresh in new[:2] and len(users) > 1:
             heapq.heappush(heap, (-len(users), new))
+
+
+def _neighbours(inside: dict[int, float], pair: Pair) -> list[int]:
+    """The two members of a wide sum or product, which stand side by side, with those beside them:
+    all other pairs stay as they are. Members are in order, as nodes have them."""
+    members = list(inside)
+    place = bisect_left(members, pair[0])
+    return members[max(0, place - 1) : place + (2 if pair[0] == pair[1] else 3)]
+
+
+def _new_pairs(
+    inside: dict[int, float], near: list[int] | None, fresh: int, pairs: Pairs
+) -> Iterator[Pair]:
+    """Those that may not have been there before; the new member is the last one."""
+    if near is None or len(inside) <= _WIDE:
+        return _all_pairs(inside, pairs)
+    *_, last, _ = inside
+    left = [member for member in near if member in inside]
+    if left[-1:] in ([last], [fresh]):
+        return pairs(_items(inside, dict.fromkeys([*left, fresh])), True)
+    return chain(pairs(_items(inside, left), True), pairs(_items(inside, [last, fresh]), True))
+
+
+def _items(inside: dict[int, float], members: Iterable[int]) -> list[Item]:
+    return [(member, inside[member]) for member in members]
 
 
 def _take_factors(inside: dict[int, float], pair: Pair, fresh: int) -> None:

@@ -53,6 +53,7 @@ typedef struct {
 #endif
 #if HAS_COORDINATES
     int rounds; /* that the last solution of the position constraints took */
+    int worn; /* how fresh the chart is where the last step ended */
 #endif
 #if HAS_INPUTS
     const Inputs *inputs; /* NULL where u is constant */

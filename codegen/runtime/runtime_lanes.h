@@ -1699,6 +1699,9 @@ static inline void lanes_settled(const Motions *all, const Method *method, Lanes
 #endif
         lanes_looked(w);
     }
+#if HAS_COORDINATES
+    lanes_worn(all, w);
+#endif
     *(Bits *)w->good = bits(w->good) & (Bits)(vector(w->bad) == 0.0);
     if (all->events) {
         lanes_watched(all, method, w);

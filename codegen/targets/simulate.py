@@ -409,7 +409,7 @@ def fields(program: Program) -> list[tuple[str, str, int, str]]:
         *(OF_SERIES if _highest(chosen) else ()),
     )
     head = [(kind.format(name=program.name), name, 0, about) for kind, name, about in entries]
-    scalars = ("collocated_t", "collocated_h", "side", "series_t")
+    scalars = ("collocated_t", "collocated_h", "side", "velocity_side", "series_t")
     body = [("double", *block) for block in blocks if block[1] or block[0] in scalars]
     return [*head, *body]
 
@@ -428,6 +428,7 @@ def _coordinates(closure: int, slip: int, nq: int, nw: int) -> list[tuple[str, i
         ("position_inverse", closure * closure, "of their Jacobian along these"),
         ("velocity_directions", slip * nw, "along which velocities are solved"),
         ("side", 0, "of the position constraints, where the directions were chosen"),
+        ("velocity_side", 0, "of the velocity constraints likewise"),
     ]
 
 

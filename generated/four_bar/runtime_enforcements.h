@@ -33,6 +33,19 @@ static double largest(int m, int stride, const double *values)
         size = fabs(values[i * stride]) > size || values[i * stride] != values[i * stride] ? fabs(values[i * stride]) : size;
     return size;
 }
+
+/* The sign of the determinant of W, which is lost: it tells the branches of the dependent coordinates apart, and whether dependent
+   velocities went through a state where they follow from nothing. */
+static double side(int m, double *W)
+{
+    int order[MOST ? MOST : 1], i;
+    double sign = 1.0;
+    if (!factor(m, W, order))
+        return 0.0;
+    for (i = 0; i < m; i++)
+        sign *= (W[i * m + i] < 0.0 ? -1.0 : 1.0) * (order[i] != i ? -1.0 : 1.0);
+    return sign;
+}
 #if CLOSURE_ROWS
 
 /* One round of B <- 2 B - B W B towards the inverse of W (Newton, Schulz), then d = B g. */
@@ -58,18 +71,6 @@ static void frozen_solution(int m, const double *W, double *B, const double *g, 
         for (j = 0; j < m; j++)
             d[i] += B[i * m + j] * g[j * stride];
     }
-}
-
-/* The sign of the determinant of W, which is lost: it tells the branches of the dependent coordinates apart. */
-static double side(int m, double *W)
-{
-    int order[POSITIONS], i;
-    double sign = 1.0;
-    if (!factor(m, W, order))
-        return 0.0;
-    for (i = 0; i < m; i++)
-        sign *= (W[i * m + i] < 0.0 ? -1.0 : 1.0) * (order[i] != i ? -1.0 : 1.0);
-    return sign;
 }
 
 /* q on the position constraints, moved along E only, on the side of them where the chart was made. `rounds` says how many corrections it took. */
@@ -113,7 +114,8 @@ static int on_positions(Run *r, double t, double *z, int *rounds)
 #endif
 #if SLIP_ROWS
 
-/* v on the velocity constraints, moved along F only: linear, so the second round only removes rounding. */
+/* v on the velocity constraints, moved along F only: linear, so the second round only removes rounding. On the side of the velocity
+   constraints where the chart was made: between the sides the dependent velocities do not follow from the others, which carry nothing across. */
 static int on_velocities(Run *r, double t, double *z)
 {
     const double *F = r->s->velocity_directions;
@@ -132,7 +134,8 @@ static int on_velocities(Run *r, double t, double *z)
             for (j = 0; j < NW; j++)
                 z[NQ + j] -= F[i * NW + j] * d[i];
     }
-    return OK;
+    crossing(VELOCITIES, NW, J, F, W);
+    return side(VELOCITIES, W) == r->s->velocity_side ? OK : SINGULAR;
 }
 #endif
 
@@ -247,16 +250,27 @@ static int charted(Run *r, double t, const double *z)
                 s->velocity_directions[i * NW + j] = J[i * (NW + 1) + 1 + j];
     else
         dependent(VELOCITIES, CLOSING, NW, J, s->velocity_directions);
+    {
+        double W[VELOCITIES * VELOCITIES];
+        crossing(VELOCITIES, NW, J, s->velocity_directions, W);
+        s->velocity_side = side(VELOCITIES, W);
+    }
 #endif
     (void)i, (void)j;
     return status;
 }
 
-/* Whether directions E are worn out for the Jacobian J: others would be twice as regular, or, in a tangent space, the
-   directions of the constraints turned away from those at its base point. */
-static int worn(int m, int head, int n, const double *J, const double *E, int tangent)
+/* How fresh a chart is at a state: WORN where another is to be made there, STRAYED where its dependent part is so ill told by the rest that
+   the step there may not be believed: errors of what is integrated are far larger in what follows, and the error estimate does not see that. */
+enum { FRESH, WORN, STRAYED };
+
+/* That of directions E for the Jacobian J. They are worn where others would be twice as regular, or, in a tangent space, where the
+   directions of the constraints turned away from those at its base point. Those that are selected once have no others to go to, and end
+   only where little is left of them. */
+static int freshness(int m, int head, int n, const double *J, const double *E, int enforcement)
 {
-    double best[(MOST ? MOST : 1) * NX], turned = 0.0, base = 0.0;
+    const int tangent = enforcement == TANGENT;
+    double best[(MOST ? MOST : 1) * NX], turned = 0.0, base = 0.0, own, most;
     int i, j;
     if (!tangent)
         dependent(m, head, n, J, best);
@@ -267,28 +281,64 @@ static int worn(int m, int head, int n, const double *J, const double *E, int ta
             turned += change * change;
             base += E[i * n + j] * E[i * n + j];
         }
-    return turned > 0.25 * base || regularity(m, n, J, E) < 0.5 * regularity(m, n, J, best);
+    own = regularity(m, n, J, E);
+    most = regularity(m, n, J, best);
+    if (own < (enforcement == SELECTIVE ? 0.01 : 0.25) * most)
+        return STRAYED;
+    return turned > 0.25 * base || own < 0.5 * most ? WORN : FRESH;
 }
 
-/* Another chart where the old one is worn out at the new state z, or its inverse took many rounds. */
-static void renewed(Run *r, double t, const double *z)
+/* That of the whole chart at the state z after a step. */
+static int worn(Run *r, double t, const double *z)
 {
     const Simulation *const s = r->s;
-    const int tangent = s->enforcement == TANGENT;
     double J[MOST * (1 + NX) + 1];
-    int old = r->rounds > 5;
-    if (s->enforcement == SELECTIVE)
-        return;
+    int most = r->rounds > 5 ? WORN : FRESH, one;
 #if CLOSURE_ROWS
-    if (MODEL_closure(r)(t, z, r->u, r->p, J) == OK)
-        old |= worn(POSITIONS, POSITIONS, NQ, J, s->position_directions, tangent);
+    if (MODEL_closure(r)(t, z, r->u, r->p, J) == OK) {
+        one = freshness(POSITIONS, POSITIONS, NQ, J, s->position_directions, s->enforcement);
+        most = one > most ? one : most;
+    }
 #endif
 #if SLIP_ROWS
-    if (MODEL_slip(r)(t, z, r->u, r->p, J) == OK)
-        old |= worn(VELOCITIES, CLOSING, NW, J, s->velocity_directions, tangent);
+    if (MODEL_slip(r)(t, z, r->u, r->p, J) == OK) {
+        one = freshness(VELOCITIES, CLOSING, NW, J, s->velocity_directions, s->enforcement);
+        most = one > most ? one : most;
+    }
 #endif
-    if (old)
+    (void)t, (void)z, (void)J, (void)s, (void)one;
+    return most;
+}
+
+/* Another chart at the new state z where `worn` said so of the old one. */
+static void renewed(Run *r, double t, const double *z, int how)
+{
+    if (how != FRESH && r->s->enforcement != SELECTIVE)
         charted(r, t, z);
+}
+
+/* Where a step failed or strayed: another chart at the state that it began from. Changes nothing and returns 0 where there is no other. */
+static int recharted(Run *r)
+{
+    Simulation *const s = r->s;
+    const Simulation old = *s;
+    int status, i, other = 0;
+    if (s->enforcement == SELECTIVE)
+        return 0;
+    status = charted(r, s->t, s->x);
+#if CLOSURE_ROWS
+    for (i = 0; i < POSITIONS * NQ; i++)
+        other |= s->position_directions[i] != old.position_directions[i];
+#endif
+#if SLIP_ROWS
+    for (i = 0; i < VELOCITIES * NW; i++)
+        other |= s->velocity_directions[i] != old.velocity_directions[i];
+#endif
+    if (status == OK && other)
+        return 1;
+    *s = old;
+    (void)i;
+    return 0;
 }
 #endif
 

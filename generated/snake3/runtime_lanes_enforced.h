@@ -190,6 +190,26 @@ static inline void lanes_on_chart(const Motions *all, Lanes *w, const double *t,
 #endif
 }
 
+/* Good lanes whose directions have little left at the new state become bad: the loop for one motion goes on from other ones. */
+static inline void lanes_worn(const Motions *all, Lanes *w)
+{
+    int i, lane;
+    if (all->enforcement != PARTITIONING && all->enforcement != SELECTIVE && all->enforcement != TANGENT)
+        return;
+    for (lane = 0; lane < LANES; lane++) {
+        Run *const r = &w->motion[lane].run;
+        double z[N];
+        if (!w->good[lane])
+            continue;
+        for (i = 0; i < N; i++)
+            z[i] = w->z[i * LANES + lane];
+        r->rounds = (int)w->rounds[lane];
+        r->worn = worn(r, w->end[lane], z);
+        if (r->worn == STRAYED)
+            w->bad[lane] = 1.0;
+    }
+}
+
 /* Other directions where those of a good lane are worn out at its new state. */
 static inline void lanes_renewed(const Motions *all, Lanes *w)
 {
@@ -206,7 +226,7 @@ static inline void lanes_renewed(const Motions *all, Lanes *w)
         for (i = 0; i < N; i++)
             y[i] = w->y[i * LANES + lane];
         leave_directions(w, lane);
-        renewed(r, w->end[lane], y);
+        renewed(r, w->end[lane], y, r->worn);
         if (r->s->charts != charts)
             enter_directions(w, lane, w->end[lane], y);
     }

@@ -320,7 +320,7 @@ static void accept(Run *r, double h, double end, const double *z, const double *
     watch(r);
 #if HAS_COORDINATES
     if (on_coordinates(r))
-        renewed(r, s->t, s->x);
+        renewed(r, s->t, s->x, r->worn);
 #endif
 #if FRAME
     rebased(r, FRAME_WORN);
@@ -395,6 +395,17 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
 #endif
     if (status == OK && error <= 1.0)
         status = settled(r, end, z, next);
+#if HAS_COORDINATES
+    if (on_coordinates(r)) {
+        r->worn = status == OK && error <= 1.0 ? worn(r, end, z) : FRESH;
+        if ((status != OK || r->worn == STRAYED) && recharted(r)) {
+            s->rejected++;
+            return OK;
+        }
+        if (r->worn == STRAYED && (!fixed || s->enforcement == SELECTIVE)) /* equal steps cannot be shorter */
+            status = SINGULAR;
+    }
+#endif
 #if HAS_GUARDS
     r->dense = NULL; /* it stays that of this step */
     if (status == OK && error <= 1.0)

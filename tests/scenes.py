@@ -13,6 +13,25 @@ from derive.states import system
 ROOT = Path(__file__).resolve().parent.parent
 MODELS = ROOT / "models"
 
+# The forward speed follows from the turning rates except where the handlebar is straight, a = 0,
+# which it swings through once a second.
+RACER = """
+model: racer
+plane: xy
+parameters: {l1: 0.4 m, l2: 0.15 m}
+bodies:
+  seat: {mass: 10 kg, com: [0.05, 0], inertia: 0.5}
+  bar: {mass: 0.3 kg, com: [-0.05, 0.0], inertia: 0.01}
+joints:
+  base: {type: planar, parent: ground, child: seat, coordinates: [x, y, th]}
+  pivot: {type: revolute, parent: seat, child: bar, at: [[l1, 0], [l2, 0]], coordinate: a}
+constraints:
+  back: {type: no_slip, body: seat, direction: y}
+  front: {type: no_slip, body: bar, direction: y}
+loads:
+  wiggle: {type: expression, joint: pivot, expression: (2 N*m)*sin((5 rad/s)*t) - (3 N*m)*a}
+initial: {a: 10 deg, base.vx: 0.3 m/s}
+"""
 SPATIAL_CHAIN = """
 model: spatial_chain
 gravity: [0.5, -1 m/s^2, -9.81 m/s^2]

@@ -40,6 +40,17 @@ def files(program: Program) -> dict[str, str]:
     }
 
 
+def has_lengths(program: Program) -> bool:
+    """Whether a guard is the length of a direction: it vanishes on the way without a change of
+    sign."""
+    return any(
+        label.startswith(LENGTH)
+        for kernel in program.kernels
+        if kernel.name.startswith("guards")
+        for label in kernel.labels
+    )
+
+
 def framed(program: Program) -> int:
     """The number of the chart whose quasi-velocities are measured along the frame."""
     suffixes = [chart.suffix for chart in program.charts] or [""]

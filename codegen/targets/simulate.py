@@ -35,7 +35,7 @@ from codegen.passes.lanes import (
 from codegen.passes.taylor import HIGHEST, faster_from, in_pieces, series_in_lanes
 from codegen.program import CALLED, CHART, Chart, Program
 from codegen.reals import Real, recast
-from codegen.targets.nullspace import framed
+from codegen.targets.nullspace import framed, has_lengths
 from codegen.targets.records import Target
 from codegen.targets.schemes import python_numbers, scheme
 from derive.enforcement import ENFORCEMENTS
@@ -261,6 +261,7 @@ def _flags(
         "HAS_CONSTRAINTS": int(has["constraints"]),
         "HAS_POSITIONS": int(has["constraints"] and program.positions > 0),
         "HAS_GUARDS": int(has["guards"]),
+        "HAS_LENGTHS": int(bool(_highest(chosen)) and has_lengths(program)),
         "HAS_MANIFOLD": int(has["manifold"]),
         "HAS_COORDINATES": int(has["charts"]),
         "HAS_CHOICES": int(bool(program.charts)),

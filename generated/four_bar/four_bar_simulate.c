@@ -29,6 +29,7 @@ enum { LANE_CONSTANTS = FOUR_BAR_NC_DYNAMICS }; /* of dynamics side by side */
 #define HAS_CONSTRAINTS 1
 #define HAS_POSITIONS 1
 #define HAS_GUARDS 1
+#define HAS_LENGTHS 0
 #define HAS_MANIFOLD 0
 #define HAS_COORDINATES 0
 #define HAS_CHOICES 0

@@ -854,6 +854,22 @@ static inline void lanes_expanded(const Motions *all, Lanes *w)
     *(Bits *)w->owed = bits(w->owed) & ~owed;
 }
 
+#if HAS_LENGTHS
+/* Lanes become bad where the slope at the end differs from that of the series, as along_others has it of one. */
+static inline void lanes_along_others(const Motions *all, Lanes *w)
+{
+    const Vector one = (Vector){0.0} + 1.0;
+    Vector differ = {0.0}, speed = {0.0};
+    int i;
+    slopes(all, w, w->end, w->z, 0, w->other);
+    for (i = 0; i < NQ; i++) {
+        differ = larger(differ, size_of(vector(w->other + i * LANES) - vector(w->next + i * LANES)));
+        speed = larger(speed, size_of(vector(w->next + i * LANES)));
+    }
+    store(w->bad, vector(w->bad) + either((Bits)(differ <= OTHER_WAY * speed), one - one, one));
+}
+#endif
+
 /* Along the series to the ends of the steps. */
 static inline void lanes_along(const Motions *all, Lanes *w)
 {
@@ -876,6 +892,9 @@ static inline void lanes_along(const Motions *all, Lanes *w)
     memcpy(w->bad, w->strange, sizeof w->bad);
     memset(w->moved, 0, sizeof w->moved);
     memset(w->now, 0, sizeof w->now);
+#if HAS_LENGTHS
+    lanes_along_others(all, w);
+#endif
 }
 
 /* The series as continuous output, as taylor_dense has that of one. */
@@ -916,7 +935,7 @@ OWN Bits stages_of(const Motions *all, const Method *method, const Lanes *w)
 #endif
     (void)all, (void)method;
 #if HAS_LANES_TAYLOR
-    return bits(w->made) & 1;
+    return (bits(w->made) & 1) + (bits(w->busy) & HAS_LENGTHS);
 #else
     return (Bits){0};
 #endif

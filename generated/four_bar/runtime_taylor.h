@@ -121,6 +121,28 @@ static int starts_at(const Simulation *s, double t, const double *y)
     return same;
 }
 
+#if HAS_LENGTHS
+/* Rates of coordinates that the series and the slope at its end differ by, as a part of the speed. */
+#define OTHER_WAY 0.1
+
+/* Directions of unit length point the other way behind a place where they vanish. The series goes on along them as they were and the guard,
+   a length, is as large as before, but the slope is another. */
+static int along_others(Run *r, double t, double h, const double *y, double *z, const double *next)
+{
+    double here[N], off[N], differ = 0.0, speed = 0.0;
+    int i, status = rates(r, t + h, z, here);
+    if (status != OK)
+        return status;
+    for (i = 0; i < N; i++)
+        off[i] = i < NQ ? h * (here[i] - next[i]) : 0.0;
+    for (i = 0; i < NQ; i++) {
+        differ = fmax(differ, fabs(here[i] - next[i]));
+        speed = fmax(speed, fabs(next[i]));
+    }
+    return differ > OTHER_WAY * speed && norm(r, off, y, z) > 1.0 ? SINGULAR : OK;
+}
+#endif
+
 static int taylor_step(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error)
 {
     Simulation *const s = r->s;
@@ -135,6 +157,13 @@ static int taylor_step(Run *r, const void *coefficients, double t, double h, con
             return status;
         along(s->series_order, series, h, z, next);
     }
+#if HAS_LENGTHS
+    {
+        const int status = along_others(r, t, h, y, z, next);
+        if (status != OK)
+            return status;
+    }
+#endif
 #if SERIES_IN_PIECES
     { /* a series does not see the end of the piece that it starts in; the slope there does */
         double e[N];

@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
+from codegen.runtime.simulation import Status
 from derive.diagnostics import counted
 from hamel.study.front import (
     LEVELS,
@@ -24,6 +25,10 @@ from hamel.study.judgement import Reference
 from hamel.study.limits import FAR, MOST, MOST_BROKEN, NEARBY, WORTH
 from hamel.study.runs import TOO_LONG
 
+ALONE = (
+    "singular for this choice of quasi-velocities alone, which is compared by itself here "
+    "(`hamel simulate` takes a new base or another choice there and goes on)"
+)
 NUMBER = re.compile(r"[-+.\de]*\d")  # in a reason
 
 
@@ -227,6 +232,8 @@ def _cause(status: str) -> str:
     """What to say of all runs that ended like this."""
     if status == "wrong":
         return "wrong: an error above 0.1 where others with the same tolerance are right"
+    if status == Status.SINGULAR_CHOICE.cause:
+        return ALONE
     return status
 
 

@@ -25,7 +25,8 @@ from hamel.build.module import published
 from hamel.settings import settings
 from hamel.simulate.exact import Problem, solution, state_of
 from tests.arrays import address, aligned
-from tests.scenes import derived, equations_of_text
+from tests.points import quickly_built
+from tests.scenes import RACER, derived, equations_of_text
 from tests.toy import circle
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
@@ -340,3 +341,25 @@ def test_the_polynomial_of_a_step_finds_events(
         events={"met": lambda t, x: x[0] - hanging_end[0]},
     )
     assert np.abs(found.events.t - 1.0).min() < 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+def test_a_step_over_a_direction_that_turns_round_is_none(rtol: float, tmp_path: Path) -> None:
+    """The length of a direction of fixed base vanishes and grows again within a step. Behind that
+    the motion was another, with status OK."""
+    mechanical = system(load_text(RACER))
+    found = equations(mechanical, "orthonormal")
+    module = quickly_built(found, ["dynamics"], ("taylor", "dop853"), ("none",), tmp_path)
+    p = np.array(mechanical.parameters)
+    x = state_of(found, initial_state(mechanical, {}, p), p)
+    options = {"rtol": rtol, "atol": rtol / 100}
+    for integrator in ("taylor", "dop853"):
+        with pytest.raises(FloatingPointError, match="singular here"):
+            module.simulate((0.0, 3.0), x, [], p, integrator=integrator, **options)
+    with pytest.warns(RuntimeWarning, match="3 of 3 motions ended early"):
+        module.simulate((0.0, 3.0), np.tile(x, (3, 1)), [], p, integrator="taylor", **options)
+    before = module.simulate((0.0, 0.9), np.tile(x, (3, 1)), [], p, integrator="taylor", **options)
+    one = module.simulate((0.0, 0.9), x, [], p, integrator="taylor", **options)
+    np.testing.assert_allclose(before.x[:, -1], [one.x[-1]] * 3, rtol=1e-12, atol=1e-12)
+    assert all(before.calls == one.calls)

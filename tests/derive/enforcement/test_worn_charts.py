@@ -19,27 +19,9 @@ from derive.states import system
 from derive.states.initial import initial_state
 from hamel.simulate.exact import state_of
 from tests.points import quickly_built
+from tests.scenes import RACER
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
-# The forward speed follows from the turning rates except where the handlebar is straight, a = 0,
-# which it swings through once a second.
-RACER = """
-model: racer
-plane: xy
-parameters: {l1: 0.4 m, l2: 0.15 m}
-bodies:
-  seat: {mass: 10 kg, com: [0.05, 0], inertia: 0.5}
-  bar: {mass: 0.3 kg, com: [-0.05, 0.0], inertia: 0.01}
-joints:
-  base: {type: planar, parent: ground, child: seat, coordinates: [x, y, th]}
-  pivot: {type: revolute, parent: seat, child: bar, at: [[l1, 0], [l2, 0]], coordinate: a}
-constraints:
-  back: {type: no_slip, body: seat, direction: y}
-  front: {type: no_slip, body: bar, direction: y}
-loads:
-  wiggle: {type: expression, joint: pivot, expression: (2 N*m)*sin((5 rad/s)*t) - (3 N*m)*a}
-initial: {a: 10 deg, base.vx: 0.3 m/s}
-"""
 END = 1.8141081480  # x after 3 s, by projection at rtol 1e-12
 
 

@@ -20,8 +20,9 @@ from derive.model.space import ORIGIN
 
 class BushingEntry(Entry):
     """A soft weld: springs and dampers along and about the three axes of a frame placed on two
-    bodies, for small turns: θ = ½ Σ aᵢ × bᵢ of the two frames' axes, which is sin θ about one axis,
-    so that beyond 90 degrees the torque falls."""
+    bodies, for small turns: θ = ½ Σ aᵢ × bᵢ of the two frames' axes. About one axis by an angle φ
+    that is sin φ, so that the torque is ½ c sin 2φ: it is largest at 45 degrees, zero at 90 and
+    pushes away beyond. For large turns a `spring` in the joint keeps its stiffness."""
 
     type: Word = Field(
         description="Kind of entry.",

@@ -35,6 +35,7 @@ from derive.mechanics.records import Inertia, System
 from derive.mechanics.solve import ldl_solution, lu_solution, scalars
 from derive.mechanics.tree import ground_positions, ground_rotations
 from derive.model import load, load_text
+from derive.model.loads.bushing import BushingEntry
 from derive.states import system
 from derive.states.closing import Kinematics
 from derive.states.initial import initial_state
@@ -268,3 +269,21 @@ def test_a_force_on_a_coordinate_does_the_work_of_its_rate(given: str) -> None:
     ]
     assert np.abs(found[0]).max() > 0.1
     np.testing.assert_allclose(found[0], found[1], atol=1e-13)
+
+
+@pytest.mark.parametrize("degrees", [30.0, 45.0, 60.0, 90.0, 120.0])
+def test_the_torque_of_a_bushing_is_what_its_description_says(degrees: float) -> None:
+    """It said that the torque falls beyond 90 degrees, where it pushes away already."""
+    text = """
+model: bush
+plane: xy
+bodies: {b: {mass: 1 kg, inertia: 1}}
+joints: {J: {type: revolute, parent: ground, child: b, coordinate: q}}
+loads: {m: {type: bushing, between: [ground, b], torsion: 3 N*m/rad}}
+"""
+    s = system(load_text(text))
+    torque = ca.Function("torque", [s.q], [ca.gradient(s.V, s.q)])
+    wanted = 1.5 * np.sin(2 * np.radians(degrees))
+    assert float(torque(np.radians(degrees))) == pytest.approx(wanted, abs=1e-12)
+    told = " ".join((BushingEntry.__doc__ or "").split())
+    assert "½ c sin 2φ: it is largest at 45 degrees, zero at 90 and pushes away beyond" in told

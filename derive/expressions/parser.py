@@ -49,6 +49,7 @@ LONGEST_SYMBOL = max(map(len, UNITS))
 
 _PLAIN = re.compile(r"[+-]?(?:0|[1-9][0-9]*)(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?")
 _DATE = re.compile(r"\s*[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}\s*")
+RATIO = re.compile(r"([0-9.]+)\s*:\s*([0-9.]+)")  # as gears have it
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*)"
@@ -508,6 +509,9 @@ class _Parser:
         hint = f"in a formula it is written {plain}" if plain else ""
         if token.text == "=":
             hint = "a formula is made zero as it stands: without the sign and what is behind it"
+        ratio = RATIO.fullmatch(self.text.strip())
+        if ratio and token.text == ":":
+            hint = f"a ratio is a quotient: {ratio[1]}/{ratio[2]}"
         self._refuse(f"unexpected character {token.text!r}", token.at, expected, hint)
 
     def _enter(self, token: _Token) -> None:

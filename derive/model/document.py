@@ -151,6 +151,17 @@ class Source:
         return Span(len(before), len(before[-1]) + 1, file=self.number)
 
 
+# behind a declaration and comments
+_ROBOT = re.compile(
+    r"(?>\s*+(?:<\?.*?\?>|<!--.*?-->))*+\s*+<(robot|mujoco|mujocoinclude)\b", re.DOTALL
+)
+_ROBOTS = {
+    "robot": ("URDF", ".urdf"),
+    "mujoco": ("MJCF", ".xml"),
+    "mujocoinclude": ("MJCF", ".xml"),
+}
+
+
 def decoded(content: bytes, file: str) -> str:
     """The text of a file's bytes; ModelError where they are not UTF-8 or too many."""
     if len(content) > LARGEST:
@@ -185,6 +196,13 @@ def parsed(source: Source) -> Entries:
             source.place(bad.start()),
             f"the control character {bad.group()!a} in the file",
             "printable text",
+        )
+    if robot := _ROBOT.match(source.text):
+        kind, ending = _ROBOTS[robot[1]]
+        source.refuse(
+            source.place(robot.start(1) - 1),
+            f"this is {kind}, which describes a robot",
+            f"the ending {ending} for it, or a model in YAML",
         )
     try:
         node = _Builder(source).document()

@@ -35,6 +35,7 @@ OUTPUT = ANYTHING | {REACTION, ACCELERATION}
 
 
 # how others write the rate of a coordinate: q_dot, qdot, q_d; dq, dq_dt, Dq, d_q, dot_q; and qd1
+_OF_BODY = re.compile(r"(\w+)\.(?=w|v[xyz])([wv])([xyz]?)")
 _RATES = tuple(
     re.compile(way)
     for way in (
@@ -63,6 +64,18 @@ def rate_meant(name: str, usable: Sequence[str]) -> str:
     guesses = ["".join(match.groups()) for match in matches if match]
     found = next((rate for q in guesses if (rate := f"der({q})") in usable), "")
     return f"did you mean '{found}'?" if found else ""
+
+
+def motion_meant(name: str) -> str:
+    """Of a component that may be meant of a body's velocity: rotor.wx."""
+    found = _OF_BODY.fullmatch(name)
+    if not found:
+        return ""
+    body, quantity, axis = found.groups()
+    word = "velocity" if quantity == "v" else "angular_velocity"
+    if not axis:
+        return f"of a body it is {word}({body})"
+    return f'of a body it is "dot({word}({body}), direction({body}, {axis}))"'
 
 
 def unit_meant(name: str) -> str:
@@ -162,7 +175,9 @@ class Scope:
                 known = [*usable, *self.aliases]
                 expected = f"{listed(self.of_kind(VELOCITY))}, each with a factor if need be"
             hints = (
-                rate_meant(node.name, usable) or did_you_mean(node.name, known),
+                rate_meant(node.name, usable)
+                or did_you_mean(node.name, known)
+                or (motion_meant(node.name) if VELOCITY in allowed else ""),
                 unit_meant(node.name),
             )
             hint = "; ".join(filter(None, hints))

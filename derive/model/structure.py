@@ -3,6 +3,7 @@ place."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator
 from typing import Any, TypeVar
 
@@ -28,6 +29,7 @@ from derive.model.records import Span
 from derive.model.shape import Document
 
 Shape = TypeVar("Shape", bound=Entry)
+SPEED = re.compile(r"\bder\(|\w\.[vw][xyz]?\b")  # a velocity in a formula
 
 
 def structured(node: Entries, source: Source) -> Document:
@@ -73,6 +75,9 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
         if details["loc"][0] == "bodies" and len(details["loc"]) == 2 and text:
             hint = f"{key}: {{mass: {text}}} for a point mass"
         expected = f"a mapping with {listed(context['keys'])}"
+        if details["loc"][0] in _SECTIONS and len(details["loc"]) == 3:
+            expected = f"a mapping with {_SECTIONS[details['loc'][0]]}"
+            hint = _as_entry(details["loc"][0], key, text)
         yield source.diagnostic(place.span, _instead(key, place), expected, hint)
     elif kind == "not_a_list" and isinstance(details["loc"][-1], int):
         yield source.diagnostic(
@@ -92,6 +97,16 @@ def _diagnostics(details: Any, node: Entries, source: Source) -> Iterator[Diagno
             expected += " of its components: [0, 0, -9.81], or [0, -9.81] in a plane"
             hint = _downwards(place, node) or hint
         yield source.diagnostic(place.span, _instead(key, place), expected, hint)
+
+
+def _as_entry(section: str, key: Key | None, formula: str) -> str:
+    """A formula alone as a constraint or load that it may be meant for."""
+    if not formula:
+        return ""
+    if section == "loads":
+        return f"{key}: {{type: expression, joint: …, expression: {formula}}}"
+    word = "nonholonomic" if SPEED.search(formula) else "holonomic"
+    return f"{key}: {{{word}: {formula}}}"
 
 
 def _as_it_should_be(kind: str, section: str, key: Key | None, found: Node) -> str:
@@ -225,6 +240,10 @@ _OTHER_WORDS = {
 }
 
 
+_IN_JOINT = (
+    "along or about a joint: {type: expression, joint: …, expression: …}, or under `inputs:` where "
+    "it is commanded"
+)
 # what stands elsewhere: the key, one that is known beside it, and where it stands
 _ELSEWHERE = {
     "initial": {"child": "initial values stand under `initial:` of the model, by coordinate"},
@@ -232,7 +251,8 @@ _ELSEWHERE = {
     "mass": {"child": "masses stand in `bodies:`"},
     "inertia": {"child": "inertias stand in `bodies:`; that of a motor is `armature`"},
     "gravity": {"mass": "gravity stands at the top of the file"},
-    "coordinate": {"mass": "coordinates are named by joints"},
+    "coordinate": {"mass": "coordinates are named by joints", "components": _IN_JOINT},
+    "joint": {"components": _IN_JOINT},
 }
 
 

@@ -10,6 +10,7 @@ Of derive.model: collisions, document, kinds, limits, reader, shape.
 import json
 import os
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -1895,3 +1896,53 @@ def test_the_rate_of_definitions_that_grow_is_refused_in_time() -> None:
     found = first_problem(text)
     assert re.match(r"der\(\) of 'a\d+', which is written out in 100000 terms", found.message)
     assert load_text(text.replace("der(a24)", "der(a7)")).outputs
+
+
+FORM = """model: m
+plane: xy
+bodies: {arm: {mass: 1, inertia: 1}, link: {mass: 1, inertia: 1}}
+joints:
+  A: {type: revolute, parent: ground, child: arm, coordinate: q1}
+  B: {type: revolute, parent: arm, child: link, coordinate: q2}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("loads: {f: {type: torque, joint: A, components: 3 N*m}}", "{type: expression, joint: …"),
+        ("loads: {f: {type: force, coordinate: q1, components: 3}}", "under `inputs:`"),
+        ("loads: {f: 3 N*m}", "f: {type: expression, joint: …, expression: 3 N*m}"),
+        ("constraints: {e: q1 - q2}", "e: {holonomic: q1 - q2}"),
+        ("constraints: {e: der(q1) - der(q2)}", "e: {nonholonomic: der(q1) - der(q2)}"),
+        ("constraints: {e: {type: gear, joints: [A, B], ratio: 1:2}}", "a quotient: 1/2"),
+        ("quasi_velocities: {x: [link.w, der(q1)]}", "of a body it is angular_velocity(link)"),
+        (
+            "quasi_velocities: {x: [link.wz, der(q1)]}",
+            '"dot(angular_velocity(link), direction(link, z))"',
+        ),
+        ("quasi_velocities: {x: [link.vx, der(q1)]}", '"dot(velocity(link), direction(link, x))"'),
+    ],
+)
+def test_what_others_write_in_another_place(text: str, hint: str) -> None:
+    found = first_problem(FORM + text)
+    assert hint in found.hint
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "ending"),
+    [
+        ('<robot name="x">\n</robot>', "URDF", ".urdf"),
+        ('<?xml version="1.0"?>\n<!-- a: b -->\n<mujoco model="x"/>', "MJCF", ".xml"),
+    ],
+)
+def test_a_robot_file_with_another_ending(text: str, kind: str, ending: str) -> None:
+    found = first_problem(text)
+    assert found.message == f"this is {kind}, which describes a robot"
+    assert f"the ending {ending}" in found.expected
+
+
+def test_a_text_of_comments_is_read_in_time() -> None:
+    started = time.process_time()
+    assert "URDF" not in first_problem("<!-- -->" * 5000).message
+    assert time.process_time() - started < 2.0

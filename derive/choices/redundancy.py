@@ -133,8 +133,8 @@ def sentences(system: System, found: Sequence[Group]) -> tuple[str, ...]:
     fate = "kept" if keeps(system) else "dropped"
     least = ", the least ones are given" if keeps(system) else ""
     return tuple(
-        f"{text} at the sampled states and {'is' if count == 1 else 'are'} {fate}: their "
-        f"reactions are not unique{least}"
+        f"{text} at the sampled states and {'is' if count == 1 else 'are'} {fate}: the reactions "
+        f"of all of these are not unique{least}"
         for text, count in _claims(system, found)
     )
 

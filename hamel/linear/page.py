@@ -34,7 +34,7 @@ from hamel.linear.limits import (
 )
 from hamel.linear.ranges import Range, own_ranges
 from hamel.linear.sweep import Sweep, swept
-from hamel.linear.words import course, shape
+from hamel.linear.words import course, shape, unstable_ranges
 from hamel.records import Linearized
 
 
@@ -244,7 +244,9 @@ def _critical(name: str, record: Linearized) -> str:
     table = _table(head, rows) if rows else "<p>No change in the range.</p>"
     ranges = "; ".join(f"{a:.10g} to {b:.10g}" for a, b in record.stable)
     if ranges:
-        return f"{table}<p>No mode grows for {escape(name)} from {ranges}.</p>"
+        rest = "; ".join(f"{a:.10g} to {b:.10g}" for a, b in unstable_ranges(record))
+        grows = f" Some mode grows from {rest}." if rest else ""
+        return f"{table}<p>No mode grows for {escape(name)} from {ranges}.{grows}</p>"
     return f"{table}<p>At every value of {escape(name)} looked at some mode grows.</p>"
 
 

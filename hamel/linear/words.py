@@ -11,6 +11,7 @@ from derive.linearize.sensitivity import Mode
 from derive.linearize.study import Study
 from derive.states.scales import scales
 from hamel.linear.limits import FAINT, SAME, SEEN
+from hamel.records import Linearized
 
 
 def course(eigenvalue: complex) -> str:
@@ -26,6 +27,13 @@ def course(eigenvalue: complex) -> str:
     if abs(eigenvalue.imag) <= SAME * size:
         return change
     return f"oscillates at {abs(eigenvalue.imag) / (2 * math.pi):.3g} Hz and {change}"
+
+
+def unstable_ranges(record: Linearized) -> list[tuple[float, float]]:
+    """What the stable intervals of the one swept name leave of its range."""
+    values = [row[record.swept[0]] for row in record.rows]
+    ends = [values[0], *(edge for interval in record.stable for edge in interval), values[-1]]
+    return [(a, b) for a, b in zip(ends[::2], ends[1::2]) if a != b]
 
 
 def shape(study: Study, mode: Mode) -> str:

@@ -31,7 +31,7 @@ from hamel.linear.limits import BENDS, BESIDE, ON_KINK, SAME
 from hamel.linear.page import page
 from hamel.linear.ranges import ranges, values
 from hamel.linear.sweep import Sweep, swept
-from hamel.linear.words import course, shape
+from hamel.linear.words import course, shape, unstable_ranges
 from hamel.records import CriticalValue, Linearized, ModeOf, UnreducedForm
 from hamel.show import durations, table
 
@@ -223,15 +223,18 @@ def show(record: Linearized, console: Console) -> None:
         for row in record.rows
     ]
     every = max(1, len(rows) // MOST_ROWS)
-    table(
-        console, (*record.swept, "eigenvalues (1/s)"), rows[::every], right=range(len(record.swept))
-    )
+    heads = (*record.swept, "eigenvalues (1/s)")
+    if any(row["eigenvalues"] for row in record.rows):
+        table(console, heads, rows[::every], right=range(len(record.swept)))
+    else:
+        console.print(f"  no eigenvalues: {_nothing(record)}")
     if record.swept:
         console.print(
             f"at {', '.join(f'{name} = {record.values[name]:.6g}' for name in record.swept)}:"
         )
     for mode in record.modes:
-        console.print(f"{_complex(mode.eigenvalue)}: {mode.course}; {mode.shape}")
+        what = "; ".join(filter(None, (mode.course, mode.shape)))
+        console.print(f"{_complex(mode.eigenvalue)}: {what}")
     for c in record.critical:
         console.print(
             f"{KINDS[c.kind]} at {c.name} = {c.value:.15g}, eigenvalue {_complex(c.eigenvalue)}"
@@ -240,11 +243,23 @@ def show(record: Linearized, console: Console) -> None:
         console.print(
             f"no unstable eigenvalue for {record.swept[0]} from {first:.15g} to {last:.15g}"
         )
-    if record.swept and not record.stable and len(record.swept) == 1:
+    for first, last in unstable_ranges(record) if record.stable else ():
+        console.print(
+            f"unstable eigenvalues for {record.swept[0]} from {first:.15g} to {last:.15g}"
+        )
+    grows = not record.stable and any(row["eigenvalues"] for row in record.rows)
+    if grows and len(record.swept) == 1:
         console.print(f"no stable value of {record.swept[0]} in the range")
     console.print(f"  time  {durations(record.seconds)}")
     if record.page:
         console.print(f"  read  {record.page}")
+
+
+def _nothing(record: Linearized) -> str:
+    """Why there are no eigenvalues."""
+    if record.states:
+        return "along all of these states motions are as steady as this one"
+    return "the constraints leave no degree of freedom, so that nothing can move beside the motion"
 
 
 MOST_ROWS = 25

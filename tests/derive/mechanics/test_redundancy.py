@@ -34,7 +34,7 @@ TEXTS = {
     "lines": (MODELS / "extremes" / "redundant.yaml").read_text().replace("redundant: keep\n", ""),
 }
 KEEP = "\nredundant: keep\n"
-DROPPED = "at the sampled states and are dropped: their reactions are not unique"
+DROPPED = "at the sampled states and are dropped: the reactions of all of these are not unique"
 TOLD = {
     "in_space": [f"rows 3, 4 and 5 of closure C (C.z, C.turn1, C.turn2) say nothing {DROPPED}"],
     "twice": [

@@ -14,6 +14,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from derive.choices.locks import LOCK
 from derive.choices.named import carried_through
 from derive.choices.records import Guard
 from derive.choices.resolution import Resolved, ranked_partitions
@@ -100,9 +101,10 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
     Where the file leaves the choice open, a pivot that is of both signs over the states, and so
     vanishes between them, is a reason, too: then a choice that is safe alone is a chart, too. Where
     none is, and no few are far from singular together, the orthonormal choice is the other chart:
-    it goes wherever A has full rank.
+    it goes wherever A has full rank. Gimbal lock counts for nothing: it is one of the coordinates,
+    in any choice.
     """
-    guards = _at_frame(first, _guards(first))
+    guards = tuple(x for x in _at_frame(first, _guards(first)) if not x.name.startswith(LOCK))
     here = _margins(guards, survey)
     left_open = survey.system.model.choices[0].kind == "auto"
     turns = left_open and _changes_sign(guards, survey)

@@ -634,3 +634,22 @@ def test_libraries_do_not_change_charts(name: str) -> None:
 def test_generalized_velocities_make_no_charts() -> None:
     found = hamel.simulate(SLIDER_CRANK, choice="slider+crank", formulation="augmented", time=0.1)
     assert not found.switches and found.formulation == "augmented"
+
+
+def test_gimbal_lock_makes_no_second_chart_of_the_same_speeds() -> None:
+    """It vanishes in any choice, so that another one is no way round it."""
+    text = """
+model: top
+parameters: {om: 30 rad/s}
+bodies:
+  lift: {mass: 0}
+  top: {mass: 0.3 kg, com: [0, 0, 0.1], inertia: [5e-4, 5e-4, 3e-4]}
+joints:
+  up: {type: prismatic, parent: ground, child: lift, axis: z, coordinate: z}
+  foot: {type: ball, parent: lift, child: top, orientation: {euler: zxz, angles: [prec, nut, spin]}}
+constraints: {d: {type: prescribed, joint: up, motion: 0.02 m*sin(om*t)}}
+initial: {nut: 20 deg, foot.wz: 200 rad/s}
+"""
+    found = equations(system(load_text(text)), charts=True)
+    assert any(x.name.startswith("gimbal lock") for x in found.function("dynamics").guards)
+    assert not found.charts

@@ -13,6 +13,9 @@ TIGHTEST = 1e-15  # rtol; below it a step's error is rounding
 
 # motion
 FINEST = 1e-10  # rtol; rounding grows near singular positions
+# of the smallest singular value of A at the start: what is a loss of rank, with and without a
+# status that says so
+BELOW, LOST = 0.5, 0.01
 MOST_STEPS = 10**9  # enough for a night; Ctrl-C ends it any time
 LOOKED_BACK = 16  # looks at a motion, 5,000 steps apart; as many before are compared with these
 STANDING = 1e-6  # of the whole time: what both cover together where a motion stands still

@@ -12,13 +12,14 @@ import numpy as np
 
 from codegen.integrators import Tableau, integrator_of
 from codegen.runtime.simulation import Simulation, Status
+from derive.choices.survey import survey_of
 from derive.diagnostics import NO_VALUE, AssumptionError, listed
 from derive.expressions.tree import ZERO
 from derive.model.records import Model
 from hamel.progress import paced
 from hamel.simulate.inputs import Changes
 from hamel.simulate.libraries import Problem, library_of
-from hamel.simulate.limits import FINEST, LOOKED_BACK, MOST_STEPS, SLOWER, STANDING
+from hamel.simulate.limits import BELOW, FINEST, LOOKED_BACK, LOST, MOST_STEPS, SLOWER, STANDING
 
 if TYPE_CHECKING:
     from derive.formulations.records import Equations
@@ -27,6 +28,18 @@ if TYPE_CHECKING:
 SINGULAR = (
     "the position may be singular, and constraints depend on each other there: an event with "
     "`stop: true` may end the motion before"
+)
+
+
+MEET = (
+    "constraints depend on each other there, and branches of the motion meet: no choice of "
+    "quasi-velocities is regular. Other steps, by another rtol or fewer rows (--step), may show "
+    "the way across; an event with `stop: true` may end the motion before"
+)
+
+# what helps where no choice was made
+NO_CHOICE: dict[str, str] = dict.fromkeys(
+    ("partitioning", "selective", "tangent"), "`--enforcement projection` selects no coordinates"
 )
 
 
@@ -117,7 +130,7 @@ def integrated(
     except FloatingPointError as error:
         if status_of(error) is Status.MORE and most < MOST_STEPS:
             raise Unfinished(vars(error)["partial"], watch.covered) from None
-        raise _refusal(error, by, equations) from error.__cause__
+        raise _refusal(error, by, equations, start) from error.__cause__
     arrays = {"t": simulation.t, "x": simulation.x, "work": simulation.work}
     return replace(simulation, **{name: array.astype(float) for name, array in arrays.items()})
 
@@ -185,7 +198,9 @@ class Covered:
         return last - before < STANDING * self.span and last - middle < SLOWER * (middle - before)
 
 
-def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> AssumptionError:
+def _refusal(
+    error: FloatingPointError, by: Stepping, equations: Equations, start: Start
+) -> AssumptionError:
     """Why there is no motion, and what may help."""
     status = status_of(error)
     if status in (Status.NO_INPUT, Status.NO_EVENT):
@@ -202,11 +217,47 @@ def _refusal(error: FloatingPointError, by: Stepping, equations: Equations) -> A
     if not equations.system.rows:  # one choice is as good as another
         return AssumptionError(str(error), f"{NO_VALUE}, or the motion grows without bound")
     hint = "another choice of quasi-velocities may be regular there: see `hamel choices`"
+    if _branches_meet(error, equations, start):
+        hint = MEET
+    elif equations.generalized_velocities:  # no choice was made
+        hint = NO_CHOICE.get(by.enforcement, "")
     coarse = by.step_size is not None or by.rtol >= FINEST
     if not coarse and status is Status.SINGULAR_POSITION:
         finest = f"an rtol of {FINEST:g} is about the finest that can be checked"
         hint += f"; across a singular position {finest}"
     return AssumptionError(str(error), hint)
+
+
+def _branches_meet(error: FloatingPointError, equations: Equations, start: Start) -> bool:
+    """Whether constraints depend on each other where the motion ended, and so in any choice: the
+    status says so by the smallest pivot of A, which may be small everywhere; beside that of the
+    start the last row tells."""
+    there = status_of(error) is Status.SINGULAR_POSITION
+    partial = getattr(error, "partial", None)
+    if partial is None:
+        return there
+    rows = np.flatnonzero(np.isfinite(partial.x).all(axis=1))
+    if len(rows) < 2:  # the start alone
+        return there
+    last = rows[-1]
+    before = _rows(equations, start, start.times[0], start.x)
+    after = _rows(equations, start, partial.t[last], partial.x[last].astype(float))
+    if not len(before):
+        return there
+    lengths = np.linalg.norm(before, axis=1, keepdims=True)  # rows may vanish, too, on the way
+    least = [
+        np.linalg.svd(A / np.where(lengths > 0, lengths, 1.0), compute_uv=False)[-1]
+        for A in (before, after)
+    ]
+    return bool(least[1] < (BELOW if there else LOST) * least[0])
+
+
+def _rows(equations: Equations, start: Start, t: float, x: np.ndarray) -> np.ndarray:
+    """The rows of A that are independent at sampled states."""
+    system = equations.system
+    survey, nq = survey_of(system), system.q.numel()
+    p = np.append(start.p[: len(system.own_parameters)], x[len(x) - system.z.numel() :])
+    return survey.solver.velocities(t, x[:nq], p)[0][list(survey.kept)]
 
 
 def _over_pulleys(model: Model) -> list[str]:

@@ -1,0 +1,59 @@
+"""What a motion that could not go on is told to try.
+
+Of hamel.simulate: motion, method, limits.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hamel
+from codegen import compiler
+from derive.diagnostics import AssumptionError
+from tests.scenes import RACER
+
+pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+# Laid flat all its bars are parallel, and it may fold.
+PARALLEL = """
+model: par
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {l: 0.5 m}
+bodies:
+  a: {mass: 1 kg, com: [l/2, 0], inertia: 0.02}
+  b: {mass: 1 kg, com: [l, 0], inertia: 0.05}
+  c: {mass: 1 kg, com: [l/2, 0], inertia: 0.02}
+joints:
+  A: {type: revolute, parent: ground, child: a, coordinate: q1}
+  B: {type: revolute, parent: a, child: b, at: [l, 0], coordinate: q2}
+  C: {type: revolute, parent: ground, child: c, at: [2*l, 0], coordinate: q3}
+closures: {K: {type: revolute, between: [b, c], at: [[2*l, 0], [l, 0]]}}
+initial: {q1: 60 deg, q2: -60 deg, q3: 60 deg, der(q1): 0.01 rad/s}
+"""
+
+
+def hint_of(text: str, folder: Path, **options: object) -> str:
+    path = folder / "model.yaml"
+    path.write_text(text)
+    with pytest.raises(AssumptionError) as caught:
+        hamel.simulate(path, **options)  # type: ignore[arg-type]
+    return caught.value.diagnostics[0].hint
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", [{}, {"formulation": "augmented", "enforcement": "partitioning"}])
+def test_where_branches_meet_no_choice_is_advised(way: dict[str, str], tmp_path: Path) -> None:
+    hint = hint_of(PARALLEL, tmp_path, time=2.0, **way)
+    assert "branches of the motion meet: no choice of quasi-velocities is regular" in hint
+    assert "may be regular" not in hint
+
+
+@pytest.mark.slow
+def test_where_coordinates_are_singular_no_choice_is_advised(tmp_path: Path) -> None:
+    """The constraints are independent, and the formulation makes no choice."""
+    way = {"formulation": "augmented", "enforcement": "selective", "rtol": 1e-6}
+    hint = hint_of(RACER, tmp_path, time=3.0, values={"a": np.radians(60.0)}, **way)
+    assert "branches" not in hint and "quasi-velocities" not in hint

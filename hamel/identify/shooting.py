@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -39,6 +40,8 @@ from hamel.identify.measured import Array, Recorded
 from hamel.identify.variation import Slopes, slopes
 
 HOW: dict[str, Any] = {"rtol": TOLERANCE, "atol": TOLERANCE, "integrator": "dop853"}
+
+MOVING = ("dynamics", "velocity", "outputs", "constraints")  # functions that a motion is told by
 
 
 @dataclass(frozen=True)
@@ -158,7 +161,8 @@ def shot(
 
 
 def check_free(equations: Equations, free: Sequence[str]) -> None:
-    """Raises ModelError for a name that is no parameter of the model."""
+    """Raises ModelError for a name that is no parameter of the model, AssumptionError for one that
+    nothing of its motion and outputs depends on."""
     known = equations.argument("p").labels
     for k, name in enumerate(free):
         if name not in known:
@@ -166,6 +170,13 @@ def check_free(equations: Equations, free: Sequence[str]) -> None:
             raise ModelError(f"'{name}' is no parameter of {equations.system.model.name}; {near}")
         if name in free[:k]:
             raise ModelError(f"'{name}' is named twice", "each free parameter once")
+    symbols = equations.argument("p").symbols
+    used = [equations.function(x).result.value for x in MOVING if equations.has(x)]
+    for name in free:
+        parameter = symbols[known.index(name)]
+        if not any(ca.depends_on(value, parameter) for value in used):
+            model = equations.system.model.name
+            raise AssumptionError(f"no formula of the motion of {model} uses '{name}'")
 
 
 def quantities(equations: Equations, recorded: Recorded) -> tuple[str, ...]:

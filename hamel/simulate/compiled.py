@@ -7,6 +7,7 @@ import contextlib
 import functools
 import math
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -183,7 +184,10 @@ def problem_of(
     feed: Feed,
 ) -> Problem:
     real = real_of(method.real)
-    tolerances(method, real)
+    finest, _ = tolerances(method, real)
+    if method.rtol < finest:
+        said = f"rtol {method.rtol:g} is finer than {real.name} can hold: {finest:.2g} is used"
+        warnings.warn(said, RuntimeWarning, stacklevel=3)
     clock = Clock()
     with clock("mechanics", "file → System"):
         system = mechanics_of(load(path))

@@ -64,6 +64,15 @@ def test_what_the_file_or_the_model_does_not_have_is_told(arm: Path, tmp_path: P
 
 
 @pytest.mark.slow
+def test_a_parameter_that_no_formula_uses_is_told_before_anything_is_built(tmp_path: Path) -> None:
+    """It was "the motion does not tell 'spare'": another motion would not either."""
+    file, t = tmp_path / "arm.yaml", np.linspace(0, 1, 40)
+    file.write_text(ARM.replace("idle: 1}", "idle: 1, spare: 2 m}"), encoding="utf-8")
+    data = write(tmp_path / "data.csv", "t,u,q", t, t, t)
+    with pytest.raises(AssumptionError, match="no formula of the motion of arm uses 'spare'"):
+        hamel.free_parameters(file, data, ["l", "spare"])
+
+
 def test_noisy_positions_give_the_parameters_back(arm: Path, tmp_path: Path) -> None:
     """A length, a cubic spring, friction and the time constant of a state, from one angle; and what
     has no effect is named."""

@@ -57,3 +57,12 @@ def test_where_coordinates_are_singular_no_choice_is_advised(tmp_path: Path) -> 
     way = {"formulation": "augmented", "enforcement": "selective", "rtol": 1e-6}
     hint = hint_of(RACER, tmp_path, time=3.0, values={"a": np.radians(60.0)}, **way)
     assert "branches" not in hint and "quasi-velocities" not in hint
+
+
+@pytest.mark.slow
+def test_a_tolerance_beyond_rounding_is_noted(tmp_path: Path) -> None:
+    """It was raised without a word."""
+    path = tmp_path / "model.yaml"
+    path.write_text(RACER)
+    with pytest.warns(RuntimeWarning, match="1e-17 is finer than float64 can hold: 1e-15 is used"):
+        hamel.simulate(path, time=0.1, step=0.1, rtol=1e-17)

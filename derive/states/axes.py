@@ -64,19 +64,18 @@ def _along(ideal: System, sides: Mapping[str, int]) -> tuple[System, ca.SX]:
 def _turnable(ideal: System, forces: ca.SX) -> list[str]:
     """Closures with points that meet or shift, whose reactions nothing in the model uses."""
     used = ca.vertcat(forces, *[value for _, value, _ in ideal.outputs])
-    return [
-        x.name for x in ideal.model.closures if _has_axes(ideal, x) and not _reacts(ideal, x, used)
-    ]
+    reactions = {x.name() for x in ca.symvar(used)}
+    reacting = {
+        row.name.partition(".")[0]
+        for row in ideal.rows
+        if ideal.symbols.reactions([row.name]).name() in reactions
+    }
+    return [x.name for x in ideal.model.closures if _has_axes(ideal, x) and x.name not in reacting]
 
 
 def _has_axes(ideal: System, closure: Closure) -> bool:
     parts = closure_parts(closure.type, ideal.model.plane)
     return bool(parts) and parts[0] in ("x", "y", "z", "shift1")
-
-
-def _reacts(ideal: System, closure: Closure, used: ca.SX) -> bool:
-    names = [row.name for row in ideal.rows if row.name.partition(".")[0] == closure.name]
-    return bool(ca.depends_on(used, ideal.symbols.reactions(names)))
 
 
 def _may_repeat(ideal: System) -> bool:

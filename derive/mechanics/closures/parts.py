@@ -97,10 +97,11 @@ def right_angles(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]
 
 def parallel(scene: Scene, closure: Closure) -> Block:
     """`right_angles` by which two axes stay parallel: that of one frame to the other two axes of
-    the other. A body that turns about its axis turns these rows along."""
-    frames = closure_frames(scene.among(closure.bodies), closure)
-    across, axis = frames.axes[_side(closure)], frames.axes[1 - _side(closure)][2]
-    phi = [ca.dot(axis, across[i]) for i in (0, 1)]
+    the other. A body that turns about its axis turns these rows along. The sign is such that they
+    say how the second body turns, whichever frame it is."""
+    frames, side = closure_frames(scene.among(closure.bodies), closure), _side(closure)
+    across, axis = frames.axes[side], frames.axes[1 - side][2]
+    phi = [(-1) ** side * ca.dot(axis, across[i]) for i in (0, 1)]
     return block_of_positions(scene, [f"{closure.name}.turn{i}" for i in (1, 2)], phi, "rad/s")
 
 

@@ -97,9 +97,12 @@ def _across(loop: Loop, axes: Sequence[int]) -> list[Jet]:
 
 
 def _parallel(loop: Loop) -> list[Jet]:
-    """The axis of one frame at right angles to the first two of the other, that the model says."""
-    across, other = loop.axes if loop.closure.along < 1 else loop.axes[::-1]
-    return [dot(across[i], other[2]) for i in (0, 1)]
+    """The axis of one frame at right angles to the first two of the other, that the model says;
+    with the sign that a small turn of the second body gives in both cases."""
+    first, second = loop.axes
+    if loop.closure.along < 1:
+        return [dot(first[i], second[2]) for i in (0, 1)]
+    return [-dot(first[2], second[i]) for i in (0, 1)]
 
 
 def _square(loop: Loop, pairs: Sequence[tuple[int, int]]) -> list[Jet]:

@@ -29,6 +29,9 @@ class Jet:
     over: Array
     rest: Array
 
+    def __neg__(self) -> Jet:
+        return Jet(-self.value, -self.rate, -self.over, -self.rest)
+
     def __sub__(self, other: Jet) -> Jet:
         return Jet(
             self.value - other.value,

@@ -16,6 +16,7 @@ from derive.numerics import NONZERO
 from derive.states.limits import (
     CLOSED,
     EVEN,
+    GUESSES,
     LEAP,
     MANY_ROWS,
     MANY_VELOCITIES,
@@ -225,6 +226,18 @@ def nudges(n: int) -> list[np.ndarray]:
     distance of two points that coincide or an angle half a turn off, any way out will do."""
     ways = np.random.default_rng(0).uniform(-1.0, 1.0, (len(NUDGES), n))
     return [size * way for size, way in zip(NUDGES, ways)]
+
+
+def angles(system: System) -> np.ndarray:
+    """Which coordinates are angles."""
+    return np.array([c.unit == "rad" for c in system.model.coordinates])
+
+
+def turned(which: np.ndarray) -> list[np.ndarray]:
+    """By what these angles are moved to be guessed anew, anywhere on a turn; nothing of none."""
+    rng = np.random.default_rng(0)
+    ways = rng.uniform(-np.pi, np.pi, (GUESSES, len(which)))
+    return [way * which for way in ways] if which.any() else []
 
 
 def closed(

@@ -3,7 +3,8 @@ far each was moved."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -15,8 +16,17 @@ from derive.mechanics.records import System
 from derive.model.records import Span
 from derive.numerics import refuses_numerically
 from derive.states import gimbal
-from derive.states.closing import Kinematics, closed, nominal, normalised, nudges, shortest
-from derive.states.limits import AGREES, TAKES_PART
+from derive.states.closing import (
+    Kinematics,
+    angles,
+    closed,
+    nominal,
+    normalised,
+    nudges,
+    shortest,
+    turned,
+)
+from derive.states.limits import AGREES, TAKES_PART, UNWOUND
 from derive.states.scales import scaled, scales
 from derive.states.sparse import Sparse, stacked, unit, with_zeros
 from derive.states.speeds import rows_in_own_units
@@ -169,19 +179,51 @@ def _start(system: System, given: dict[str, float]) -> np.ndarray:
 def _closed(
     own: Own, solver: Kinematics, start: np.ndarray, held: set[str], p: np.ndarray
 ) -> np.ndarray | None:
-    """Guesses move, else everything may; where neither will do, from a start beside it. A start
+    """Guesses move, from beside them or from afar where they have to; else everything may. A start
     at which φ has no value stays as it is: a disk that lies flat touches nowhere."""
     system = own.system
     free = np.array([c.name not in held for c in system.model.coordinates])
-    for nudge in nudges(len(start)):
-        if nudge.any() and not np.isfinite(_positions(system, own.t, start, p)).all():
-            break
-        for choice in (free, np.ones(len(start), dtype=bool)):
-            beside = normalised(system, start + nudge * choice)
-            q = closed(solver, own.t, beside, p, choice, by_row=True)
+
+    @functools.cache
+    def has_value() -> bool:
+        return bool(np.isfinite(_positions(system, own.t, start, p)).all())
+
+    def met(choice: np.ndarray, moves: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
+        for move in moves:
+            if move.any() and not has_value():
+                return
+            at = normalised(system, start + move * choice)
+            q = closed(solver, own.t, at, p, choice, by_row=True)
             if q is not None:
-                return normalised(system, q)
-    return None
+                yield _unwound(own, solver, normalised(system, q), start, p, choice)
+
+    beside, every = nudges(len(start)), np.ones(len(start), dtype=bool)
+    if not free.any() or free.all():
+        return next(met(every, beside), None)
+    found = next(met(free, beside), None)
+    if found is None and not solver.many_rows:
+        afar = list(met(free, turned(free & angles(system))))
+        found = min(afar, key=lambda q: float(np.abs(q - start).max()), default=None)
+    return next(met(every, beside), None) if found is None else found
+
+
+def _unwound(
+    own: Own,
+    solver: Kinematics,
+    q: np.ndarray,
+    start: np.ndarray,
+    p: np.ndarray,
+    choice: np.ndarray,
+) -> np.ndarray:
+    """Angles that went whole turns on the way are brought back, where the constraints do not count
+    turns; rounding was judged by larger angles."""
+    turns = np.round((q - start) / (2.0 * np.pi)) * angles(own.system)
+    for i in np.flatnonzero(turns):
+        back = q.copy()
+        back[i] -= 2.0 * np.pi * turns[i]
+        at = closed(solver, own.t, back, p, choice, by_row=True)
+        q = q if at is None or np.abs(at - back).max() > UNWOUND else at
+    return q
 
 
 def _positions(system: System, t: float, q: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ FEW_CLOSURES = 6  # of so many each is tried by itself, too
 REPEATS = 1e-10  # singular values below this part of the largest belong to rows that repeat others
 CLOSED = 1e-12  # |φ| against 1 + |q|, or of a row against the sizes of its own terms
 ROUNDED = 1.4e-14  # |φ| against 1 + |q|: what the way round a loop rounds, no row can be better
+GUESSES = 8  # starts anywhere on a turn, where held values are met from none beside the guesses
 EVEN = 1e-3  # of the largest of these a row has at least that part
 NEWTON = 30  # iterations after which a start counts as hopeless
 LEAP = 0.7  # rad: the largest step taken at once
@@ -23,6 +24,7 @@ SINGULAR = 1e-3  # of its usual value the least singular value of all rows: no r
 
 # initial
 AGREES = 1e-9  # relative residual up to which held velocities count as kept
+UNWOUND = 1e-9  # by so much coordinates move at most when an angle is taken back by whole turns
 TAKES_PART = 1e-3  # of the largest residual of rows that contradict each other: one of them
 
 # nonideal

@@ -23,9 +23,9 @@ from derive.expressions.columns import columns_of
 from derive.expressions.evaluate import casadi_functions, value
 from derive.mechanics.records import System
 from derive.numerics import NONZERO
-from derive.states.closing import normalised, nudges
+from derive.states.closing import angles, normalised, nudges, turned
 from derive.states.initial import own_units
-from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS, ROUNDED
+from derive.states.limits import AGREES, CLOSED, EVEN, LEAP, NEWTON, REPEATS, ROUNDED, UNWOUND
 
 EXACT = 1e-14  # |A v − c| against 1 + |v| that needs no correction
 ROUGHLY = 1e-6  # the same, of a step that another one follows
@@ -56,6 +56,7 @@ class Starter:
     coordinates: tuple[str, ...]
     velocities: tuple[str, ...]
     quaternions: tuple[int, ...]
+    angles: np.ndarray  # which coordinates are angles: 1, else 0
     initial: tuple[str, ...]  # what the file gives, held or guessed
     held: frozenset[str]
     t: float  # s
@@ -119,24 +120,60 @@ class Starter:
         given: Mapping[str, np.ndarray],
         p: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Guesses move; where that does not do, everything may; then from a start beside it."""
+        """Guesses move, from beside them or from afar where they have to; else everything may."""
         names, zero = self.coordinates, np.zeros(p.shape[1])
         start = self._normalised(np.stack([zero + given.get(name, 0.0) for name in names]))
         free = np.array([name not in self.held for name in names], dtype=float)
         if self.positions is None:
             return start, _finite(start)
         q, done = start.copy(), np.zeros(start.shape[1], dtype=bool)
-        for nudge in nudges(len(names)):
-            able = self._able(t, start, p) if nudge.any() else ~done
-            for choice in (free, np.ones(len(names))):
-                rest = able & ~done
-                if not rest.any():
-                    break
-                beside = self._normalised(start[:, rest] + (nudge * choice)[:, None])
-                q[:, rest], done[rest] = closed_many(
-                    self.positions, t[:, rest], beside, p[:, rest], choice
-                )
+
+        def met(
+            rest: np.ndarray, move: np.ndarray, choice: np.ndarray
+        ) -> tuple[np.ndarray, np.ndarray]:
+            return self._met(t[:, rest], start[:, rest], p[:, rest], move, choice)
+
+        def beside(choice: np.ndarray) -> None:
+            for nudge in nudges(len(names)):
+                rest = ~done
+                if nudge.any() and rest.any():
+                    rest &= self._able(t, start, p)
+                if rest.any():
+                    q[:, rest], done[rest] = met(rest, nudge, choice)
+
+        if free.any() and not free.all():
+            beside(free)
+            rest = ~done
+            if rest.any():
+                rest &= self._able(t, start, p)
+            found, nearest = q[:, rest], np.full(int(rest.sum()), np.inf)
+            for move in turned(free * self.angles) if rest.any() else ():
+                other, closed = met(rest, move, free)
+                far = np.where(closed, _largest(other - start[:, rest]), np.inf)
+                better = far < nearest
+                found[:, better], nearest[better] = other[:, better], far[better]
+            q[:, rest], done[rest] = found, np.isfinite(nearest)
+        beside(np.ones(len(names)))
         return self._normalised(q), done
+
+    def _met(
+        self, t: np.ndarray, start: np.ndarray, p: np.ndarray, move: np.ndarray, choice: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Positions that are met from a start that is moved so, and which are; without the whole
+        turns that angles took on the way, where the constraints do not count them."""
+        assert self.positions is not None
+        at = self._normalised(start + (move * choice)[:, None])
+        q, done = closed_many(self.positions, t, at, p, choice)
+        q = self._normalised(q)
+        turns = np.round((q - start) / (2.0 * np.pi)) * self.angles[:, None] * done
+        for i in np.flatnonzero(turns.any(axis=1)):
+            some = turns[i] != 0.0
+            back = q[:, some]
+            back[i] -= 2.0 * np.pi * turns[i, some]
+            again, met = closed_many(self.positions, t[:, some], back, p[:, some], choice)
+            met &= _largest(again - back) <= UNWOUND
+            q[:, some] = np.where(met, again, q[:, some])
+        return q, done
 
     def _able(self, t: np.ndarray, start: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Whether φ has a value at the start of each motion: else none beside it is tried."""
@@ -237,6 +274,7 @@ def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:
         coordinates=tuple(c.name for c in model.coordinates),
         velocities=tuple(x.name for x in model.velocities),
         quaternions=system.quaternions,
+        angles=angles(system).astype(float),
         initial=tuple(x.name for x in model.initial),
         held=frozenset((*(x.name for x in model.initial if x.held), *names)),
         t=t,

@@ -23,7 +23,7 @@ def in_joint(reader: Reader, names: Names, frame: Frame) -> list[Load]:
     given = [name for name in IN_JOINT if getattr(entry, name) is not None]
     if not given:
         return []
-    if is_quaternion(frame.coordinates, frame.velocities):
+    if frame.orientation and len(frame.velocities) == len("xyz"):
         return _in_ball(reader, frame, given)
     if len(frame.velocities) > 1:
         reader.report(
@@ -45,7 +45,8 @@ def _in_ball(reader: Reader, frame: Frame, given: Sequence[str]) -> list[Load]:
     key, entry = frame.name, frame.entry
     result: list[Load] = []
     for name in given:
-        if name == "spring" and entry.spring is not None:
+        quaternion = is_quaternion(frame.coordinates, frame.velocities)
+        if name == "spring" and entry.spring is not None and quaternion:
             own = frame.coordinates, frame.velocities
             result.append(ball_spring(reader, key, f"{key}_spring", str(key), entry.spring, *own))
         elif name == "damper" and entry.damper is not None:
@@ -79,7 +80,10 @@ def _elsewhere(frame: Frame, kind: str) -> str:
         return f"an entry under loads: {{type: {kind}, coordinate: one of {listed(rates)}}}"
     if kind == "spring" and frame.orientation not in ("", QUATERNION):
         angles = listed(x.name for x in frame.coordinates[-3:])
-        return f"an entry under loads: {{type: spring, coordinate: one of {angles}}}"
+        return (
+            "no `orientation`, for a spring against all turns, or an entry under loads: "
+            f"{{type: spring, coordinate: one of {angles}}}"
+        )
     if kind == "spring":
         return "a joint with one velocity, or an entry under loads: {type: bushing, …}"
     names = listed(velocity.name for velocity in frame.velocities)

@@ -143,7 +143,9 @@ def ball_spring(
         message = (
             f"'rest' of the spring '{name}' in a ball joint, which is slack where it has not turned"
         )
-        expected = "another placement of the joint: `at: {position: …, rotation: …}`"
+        expected = (
+            "nothing; the joint itself is placed turned by `rpy: [roll, pitch, yaw]` beside `at:`"
+        )
         reader.report(entry.rest.span, message, expected)
     w, x, y, z = (coordinate.name for coordinate in coordinates)
     wx, wy, wz = (velocity.name for velocity in velocities)

@@ -72,6 +72,14 @@ def test_the_torque_is_along_the_rotation_vector(inside: str, loads: str) -> Non
         assert np.abs(rotation_vector(q) - turn).max() < 1e-14 * (1.0 + np.abs(turn).max())
 
 
+def test_a_damper_acts_about_all_axes_of_a_ball_by_euler_angles_too() -> None:
+    text = BALL.replace("IN_JOINT", ", orientation: {euler: zyx}, damper: d").replace("LOADS", "")
+    e = equations(system(load_text(text)))
+    w = np.array([0.3, -0.4, 0.7])
+    got = functions(e)["dynamics"](0.0, [0.1, 0.2, 0.3, *w], [], [3.0, 0.5]).full().ravel()[3:]
+    assert got == pytest.approx((-0.5 * w - np.cross(w, INERTIA * w)) / INERTIA, rel=1e-13)
+
+
 def test_a_stiffness_about_each_axis_is_the_slope_of_what_it_stores() -> None:
     """By central differences of ½ Σ kᵢ φᵢ² along turns about the body's axes."""
     k = np.array([1.0, 2.0, 5.0])

@@ -734,7 +734,7 @@ ERRORS = [
         "spring_of_ball",
         joint("type: ball, spring: {stiffness: 1, rest: «1}"),
         "'rest' of the spring 'A_spring' in a ball joint, which is slack where it has not turned",
-        "another placement of the joint",
+        "rpy: [roll, pitch, yaw]",
         "",
     ),
     (
@@ -762,7 +762,7 @@ ERRORS = [
         "spring_of_euler_angles",
         joint("type: ball, orientation: {euler: zyx}, spring: {stiffness: 1}", "«A"),
         "spring in the joint 'A', which has 3 velocities",
-        "an entry under loads: {type: spring, coordinate: one of A_",
+        "no `orientation`, for a spring against all turns, or an entry under loads",
         "",
     ),
     (

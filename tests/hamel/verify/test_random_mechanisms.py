@@ -26,7 +26,7 @@ from hamel.verify import verification
 from hamel.verify.checks.samples import samples
 from hamel.verify.mutation.errors import wrong_systems
 from hamel.verify.reference.outcome import reference
-from tests.mechanisms import LOADS, LOOPS, MEETINGS, TREE, mechanism
+from tests.mechanisms import EVERY_LOAD, LOOPS, MEETINGS, TREE, mechanism
 
 # ---- checking them
 # --------------------------------------------------------------------------------------------------------
@@ -85,14 +85,14 @@ def one_rolling(meetings):
 
 
 @profile(12)
-@given(tree=trees(4), loads=some(LOADS, 0, 3), seed=SEEDS)
+@given(tree=trees(4), loads=some(EVERY_LOAD, 0, 3), seed=SEEDS)
 @pytest.mark.slow
 def test_trees(tree, loads, seed):
     check(mechanism(tree, loads=loads, seed=seed), "quasi_velocities")
 
 
 @profile(14)
-@given(tree=trees(5), loops=some(LOOPS, 1, 3), loads=some(LOADS, 0, 2), seed=SEEDS)
+@given(tree=trees(5), loops=some(LOOPS, 1, 3), loads=some(EVERY_LOAD, 0, 2), seed=SEEDS)
 def test_loops(tree, loops, loads, seed):
     check(mechanism(tree, loops, loads=loads, seed=seed))
 
@@ -116,7 +116,7 @@ def test_loops_without_multipliers(loop, seed):
     tree=trees(7),
     loops=some(LOOPS, 0, 3),
     meetings=some(MEETINGS, 0, 2),
-    loads=some(LOADS, 0, 4),
+    loads=some(EVERY_LOAD, 0, 4),
     seed=SEEDS,
 )
 def test_large_mechanisms(tree, loops, meetings, loads, seed):
@@ -129,7 +129,7 @@ def test_large_mechanisms(tree, loops, meetings, loads, seed):
     tree=trees(4),
     loops=some(LOOPS, 0, 2),
     meetings=some(MEETINGS, 0, 1),
-    loads=some(LOADS, 0, 2),
+    loads=some(EVERY_LOAD, 0, 2),
     seed=SEEDS,
 )
 def test_large_mechanisms_without_multipliers(tree, loops, meetings, loads, seed):
@@ -160,7 +160,7 @@ def test_every_constraint(kind):
 
 def test_every_joint_and_every_load_at_once():
     tree = [(kind, i) for i, kind in enumerate(TREE)]
-    loads = [(kind, (i, i + 2)) for i, kind in enumerate(LOADS)]
+    loads = [(kind, (i, i + 2)) for i, kind in enumerate(EVERY_LOAD)]
     check(mechanism(tree, loads=loads, seed=10), "augmented")
 
 

@@ -65,7 +65,7 @@ def test_steps_of_a_four_bar_take_three_sines() -> None:
     text = emit(program(derived("four_bar"), None, ("dop853",)))["four_bar_batch.c"]
     body = re.search(r"^void four_bar_slope_lanes.*?^}\n", text, re.MULTILINE | re.DOTALL)
     assert body
-    of_rates, of_power = body[0].split("        {\n")
+    _, of_rates, of_power = body[0].split("        {\n")
     angles = [re.findall(r"_sincos_short\((\w+),", half) for half in (of_rates, of_power)]
     assert [sorted(half) for half in angles] == [["q1", "q2", "q3"]] * 2
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import heapq
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 
 from codegen.passes.graph import (
@@ -139,12 +139,12 @@ def _new_pairs(
         return _all_pairs(inside, pairs)
     *_, last, _ = inside
     left = [member for member in near if member in inside]
-    if left[-1:] in ([last], [fresh]):
-        return pairs(_items(inside, dict.fromkeys([*left, fresh])), True)
+    if left[-1:] == [last]:
+        return pairs(_items(inside, [*left, fresh]), True)
     return chain(pairs(_items(inside, left), True), pairs(_items(inside, [last, fresh]), True))
 
 
-def _items(inside: dict[int, float], members: Iterable[int]) -> list[Item]:
+def _items(inside: dict[int, float], members: Sequence[int]) -> list[Item]:
     return [(member, inside[member]) for member in members]
 
 

@@ -43,9 +43,9 @@ def in_joint(reader: Reader, names: Names, frame: Frame) -> list[Load]:
 def _in_ball(reader: Reader, frame: Frame, given: Sequence[str]) -> list[Load]:
     """A spring that turns back, and a damper about each axis."""
     key, entry = frame.name, frame.entry
+    quaternion = is_quaternion(frame.coordinates, frame.velocities)
     result: list[Load] = []
     for name in given:
-        quaternion = is_quaternion(frame.coordinates, frame.velocities)
         if name == "spring" and entry.spring is not None and quaternion:
             own = frame.coordinates, frame.velocities
             result.append(ball_spring(reader, key, f"{key}_spring", str(key), entry.spring, *own))

@@ -73,9 +73,18 @@ def joint_frame(
     place = scene.places[body]
     on_body, origin = placement(scene.symbols, at)
     R = product(ground_rotation(scene, place), matrix(merged(on_body, turned)))
-    axes = [ca.vertcat(*[row[k] for row in R]) for k in range(3)]
     point = ca.vertcat(*ground_point(place, origin, scene.positions, scene.rotations))
-    return point, (axes[0], axes[1], axes[2])
+    return point, _columns(R)
+
+
+def axes_of(scene: Scene, body: str) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The axes of a body's frame, in the ground."""
+    return _columns(ground_rotation(scene, scene.places[body]))
+
+
+def _columns(R: Matrix) -> tuple[ca.SX, ca.SX, ca.SX]:
+    x, y, z = [ca.vertcat(*[row[k] for row in R]) for k in range(3)]
+    return x, y, z
 
 
 def ground_rotation(scene: Scene, place: Place) -> Matrix:

@@ -186,8 +186,9 @@ class Closure:
     with joints.
 
     `along` says along whose axes points that meet are measured, and across whose an axis or shift:
-    0 and 1 are the joint frames on the two bodies. The ground's and the first one's, unless these
-    say what others do not.
+    0 and 1 are the joint frames on the two bodies, 2 to 4 the frame of the body `seen_from`, whose
+    axes but the first, second or third turns and shifts across the joint's axis are measured about.
+    The ground's and the first one's, unless these say what others do not.
     """
 
     name: str
@@ -199,6 +200,7 @@ class Closure:
     axis2: Vector3 | None = None
     pitch: Expression = ZERO
     along: int = -1
+    seen_from: str = GROUND
 
 
 class Constraint(Protocol):

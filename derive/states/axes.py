@@ -4,7 +4,8 @@ p₂ − p₁ = 0 says the same along any axes, but not row by row. Two bodies t
 and meet at a point of it once more say nothing along the line: along axes that turn with them that
 is always the same row, or the same part of each; along the ground's it is one row here and another
 there. Then no rows that are kept for good are independent wherever all of them are. Where a rod
-turns in the bush of a loop that moves in a plane, it is across the rod's axes that they change.
+turns in the bush of a loop that moves in a plane, it is across the rod's axes that they change; and
+where the bush turns as well, across the axes of both, not of what carries them.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ import numpy as np
 from derive.diagnostics import HamelError
 from derive.mechanics.records import System
 from derive.mechanics.system import ideal_system
+from derive.mechanics.tree import nearest_carrier
 from derive.model.records import Closure
 from derive.model.rows import closure_parts
 from derive.states.closing import Kinematics, closed, nominal
 from derive.states.independence import independent, share
-from derive.states.limits import AXES_SAMPLES, BETTER, FEW_CLOSURES, GAP, POOR
+from derive.states.limits import AXES_SAMPLES, BETTER, FEW_CLOSURES, GAP, POOR, SIDES
 from derive.states.sampling import row_lengths, states
 from derive.states.sparse import Sparse, clearly_independent
 
@@ -36,7 +38,7 @@ def well_turned(ideal: System, forces: ca.SX) -> tuple[System, ca.SX]:
         return ideal, forces
     best = _share(ideal)
     found, sides = (ideal, forces), dict[str, int]()
-    for names, side in _trials(turnable):
+    for names, side in _trials(turnable, SIDES[: 2 if ideal.model.plane else None]):
         if best >= POOR:
             break
         tried = {**sides, **dict.fromkeys(names, side)}
@@ -47,18 +49,30 @@ def well_turned(ideal: System, forces: ca.SX) -> tuple[System, ca.SX]:
     return found
 
 
-def _trials(turnable: Sequence[str]) -> Iterator[tuple[Sequence[str], int]]:
-    """All closures along the axes of their first or second frames, then, of a few, one by one."""
-    yield from ((turnable, side) for side in (0, 1))
+def _trials(turnable: Sequence[str], sides: Sequence[int]) -> Iterator[tuple[Sequence[str], int]]:
+    """All closures along other axes than they are, then, of a few, one by one."""
+    yield from ((turnable, side) for side in sides)
     if 1 < len(turnable) <= FEW_CLOSURES:
-        yield from (((name,), side) for name in turnable for side in (0, 1))
+        yield from (((name,), side) for name in turnable for side in sides)
 
 
 def _along(ideal: System, sides: Mapping[str, int]) -> tuple[System, ca.SX]:
-    """The mechanics anew, with these closures along the axes of their first or second frame."""
+    """The mechanics anew, with these closures along the axes of their first or second frame, or of
+    the body next to both that carries them."""
     model = ideal.model
-    closures = tuple(replace(x, along=sides.get(x.name, x.along)) for x in model.closures)
-    return ideal_system(replace(model, closures=closures), ideal.constants)
+    closures = [
+        replace(x, along=sides[x.name], seen_from=_carrier(ideal, x)) if x.name in sides else x
+        for x in model.closures
+    ]
+    return ideal_system(replace(model, closures=tuple(closures)), ideal.constants)
+
+
+def _carrier(ideal: System, closure: Closure) -> str:
+    """A body of the link next to both bodies that carries both, or the ground."""
+    places = dict(ideal.places)
+    first, second = (places[body].link for body in closure.bodies)
+    carrier, _ = nearest_carrier(ideal.links, first, second)
+    return next(body for body, place in ideal.places if place.link == carrier)
 
 
 def _turnable(ideal: System, forces: ca.SX) -> list[str]:

@@ -2,8 +2,9 @@
 nothing else is said."""
 
 # axes
-AXES_SAMPLES = 20  # states at which rows are judged
+AXES_SAMPLES = 60  # states at which rows are judged: twenty do not show what happens once a turn
 BETTER = 2.0  # times the share of the ground's axes: what others have to bring
+SIDES = (0, 1, 2, 3, 4)  # of `Closure.along`: those that are tried
 FEW_CLOSURES = 6  # of so many each is tried by itself, too
 
 # closing

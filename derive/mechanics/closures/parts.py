@@ -12,7 +12,7 @@ from derive.expressions.scalars import Vector
 from derive.joints.rotations import (
     matrix,
 )
-from derive.mechanics.frames import axes_in_plane, closure_frames
+from derive.mechanics.frames import axes_in_plane, axes_of, closure_frames
 from derive.mechanics.gaps import gap
 from derive.mechanics.limits import HALF_A_TURN
 from derive.mechanics.links import placement
@@ -47,17 +47,27 @@ def meeting(scene: Scene, closure: Closure) -> Block:
         if len(own := axes_in_plane(scene, frame)) == len(axes)
     )
     if closure.along >= 0:
-        turned = _gap(scene, closure, closure.along, range(len(axes)))
+        turned = _turned_gap(scene, closure, range(len(axes)))
         block = block_of_positions(scene, names, turned, "m/s")
         return replace(block, ways=(*block.ways, *ways))
     return Block(tuple(Row(name, i, "m/s") for i, name in enumerate(names)), phi, ways)
 
 
-def _gap(scene: Scene, closure: Closure, side: int, axes: Sequence[int]) -> list[ca.SX]:
-    """aᵢ · (p₂ − p₁) along axes of the first or the second joint frame."""
-    frames = closure_frames(scene.among(closure.bodies), closure)
+def _turned_gap(scene: Scene, closure: Closure, axes: Sequence[int]) -> list[ca.SX]:
+    """aᵢ · (p₂ − p₁) along axes of a joint frame, or of the body that the closure is seen from."""
+    near = scene.among(closure.bodies)
+    frames = closure_frames(near, closure)
     gap = frames.origins[1] - frames.origins[0]
-    return [ca.dot(frames.axes[side][i], gap) for i in axes]
+    along = frames.axes[_side(closure)] if closure.along < 2 else axes_of(near, closure.seen_from)
+    return [ca.dot(along[i], gap) for i in axes]
+
+
+def _across(near: Scene, closure: Closure, axis: ca.SX, turned: ca.SX) -> list[ca.SX]:
+    """gᵢ · (a × x) about two axes of the body that the closure is seen from: where both bodies spin
+    about a, these do not turn along."""
+    moved = ca.cross(axis, turned)
+    about = axes_of(near, closure.seen_from)
+    return [ca.dot(about[i], moved) for i in range(3) if i != closure.along - 2]
 
 
 def _closure_rows(
@@ -99,9 +109,12 @@ def parallel(scene: Scene, closure: Closure) -> Block:
     """`right_angles` by which two axes stay parallel: that of one frame to the other two axes of
     the other. A body that turns about its axis turns these rows along. The sign is such that they
     say how the second body turns, whichever frame it is."""
-    frames, side = closure_frames(scene.among(closure.bodies), closure), _side(closure)
+    near, side = scene.among(closure.bodies), _side(closure)
+    frames = closure_frames(near, closure)
     across, axis = frames.axes[side], frames.axes[1 - side][2]
     phi = [(-1) ** side * ca.dot(axis, across[i]) for i in (0, 1)]
+    if closure.along > 1:
+        phi = _across(near, closure, frames.axes[0][2], frames.axes[1][2])
     return block_of_positions(scene, [f"{closure.name}.turn{i}" for i in (1, 2)], phi, "rad/s")
 
 
@@ -127,10 +140,15 @@ def shifts(scene: Scene, closure: Closure, axes: Sequence[int]) -> Block:
     """φ = aᵢ · (p₂ − p₁) along axes of one joint frame, in m. These axes turn, so the row's rate
     holds ω × aᵢ as well."""
     names = [f"{closure.name}.shift{k + 1}" for k in range(len(axes))]
-    gap = _gap(scene, closure, _side(closure), axes)
-    return block_of_positions(scene, names, gap, "m/s")
+    near, side = scene.among(closure.bodies), _side(closure)
+    frames = closure_frames(near, closure)
+    gap = frames.origins[1] - frames.origins[0]
+    phi = [ca.dot(frames.axes[side][i], gap) for i in axes]
+    if closure.along > 1 and len(axes) == 2:
+        phi = _across(near, closure, frames.axes[0][2], gap)
+    return block_of_positions(scene, names, phi, "m/s")
 
 
 def _side(closure: Closure) -> int:
     """Along whose axes: the first frame's, unless the closure says the second's."""
-    return max(closure.along, 0)
+    return int(closure.along == 1)

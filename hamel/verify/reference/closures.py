@@ -17,7 +17,15 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError
 from derive.model.records import GROUND, Closure, Placement
-from hamel.verify.reference.jets import Jet, direction, dot, frame_axes, frame_origin, stays
+from hamel.verify.reference.jets import (
+    Jet,
+    direction,
+    dot,
+    frame_axes,
+    frame_origin,
+    product,
+    stays,
+)
 from hamel.verify.reference.layout import Layout, Rows, stacked
 from hamel.verify.reference.states import State, placed
 from hamel.verify.reference.vectors import UNIT, Array, cross
@@ -45,6 +53,12 @@ class Loop:
         """The three axes of each."""
         turned = triad(self.state.vector(self.closure.axis), self.plane)
         return tuple(frame_axes(self.place, self.state, *side, turned) for side in self._sides)
+
+    @cached_property
+    def seen_from(self) -> tuple[Jet, ...]:
+        """The axes of the body whose axes take the rows."""
+        body = self.closure.seen_from
+        return tuple(direction(self.place, self.state, body, UNIT[letter]) for letter in "xyz")
 
     @property
     def _sides(self) -> Iterable[tuple[str, Placement]]:
@@ -82,8 +96,8 @@ def _meeting(loop: Loop) -> list[Jet]:
     """p₂ − p₁ along the ground's axes: λ is the force on the second body. Along those of a joint
     frame where the model says so."""
     if loop.closure.along >= 0:
-        axes = loop.axes[loop.closure.along][: len(loop.plane or "xyz")]
-        return [dot(axis, loop.gap) for axis in axes]
+        along = loop.axes[loop.closure.along] if loop.closure.along < 2 else loop.seen_from
+        return [dot(axis, loop.gap) for axis in along[: len(loop.plane or "xyz")]]
     return [_component(loop.gap, UNIT[letter]) for letter in loop.plane or "xyz"]
 
 
@@ -93,13 +107,22 @@ def _component(x: Jet, along: Array) -> Jet:
 
 def _across(loop: Loop, axes: Sequence[int]) -> list[Jet]:
     """aᵢ · (p₂ − p₁)."""
-    return [dot(loop.axes[max(loop.closure.along, 0)][i], loop.gap) for i in axes]
+    if loop.closure.along > 1 and len(axes) == 2:
+        return _kept(loop, product(loop.axes[0][2], loop.gap))
+    return [dot(loop.axes[loop.closure.along == 1][i], loop.gap) for i in axes]
+
+
+def _kept(loop: Loop, turned: Jet) -> list[Jet]:
+    """Along all axes of the body that the closure is seen from but that one."""
+    return [dot(g, turned) for k, g in enumerate(loop.seen_from) if k != loop.closure.along - 2]
 
 
 def _parallel(loop: Loop) -> list[Jet]:
     """The axis of one frame at right angles to the first two of the other, that the model says;
     with the sign that a small turn of the second body gives in both cases."""
     first, second = loop.axes
+    if loop.closure.along > 1:
+        return _kept(loop, product(first[2], second[2]))
     if loop.closure.along < 1:
         return [dot(first[i], second[2]) for i in (0, 1)]
     return [-dot(first[2], second[i]) for i in (0, 1)]

@@ -61,6 +61,26 @@ closures:
 initial: {a: -60 deg, turn: 40 deg, turn2: 10 deg, der(turn2): 3, der(turn): 5, guess: {b: 40 deg, d: -20 deg}}
 """
 
+# a spool on a rocker and the end of a rod, pinned to each other along the axis that both turn about
+SPOOL = """model: spool
+gravity: [0, 0, -9.81 m/s^2]
+bodies:
+  base: {mass: 5, inertia: 1}
+  crank: {mass: 1, com: [0.05, 0, 0], inertia: [0.001, 0.002, 0.002]}
+  rod: {mass: 1, com: [0.2, 0, 0], inertia: [0.001, 0.02, 0.02]}
+  rocker: {mass: 0.5, com: [0.1, 0, 0], inertia: 0.001}
+  spool: {mass: 0.5, com: [0.1, 0, 0], inertia: 0.001}
+joints:
+  F: {type: free, parent: ground, child: base}
+  A: {type: revolute, parent: base, child: crank, axis: y, coordinate: a}
+  B: {type: universal, parent: crank, child: rod, at: [0.1, 0, 0], axis: y, axis2: x, coordinates: [b, turn]}
+  D: {type: revolute, parent: base, child: rocker, at: [0.3, 0, 0], axis: y, coordinate: d}
+  E: {type: universal, parent: rocker, child: spool, at: [0, 0, 0.15], axis: y, axis2: x, coordinates: [e, roll]}
+closures:
+  C: {KIND, between: [rod, spool], at: [[0.25, 0, 0], [0, 0, 0]], axis: x}
+initial: {a: 90 deg, turn: 90 deg, guess: {b: 0, d: 0, e: 0}}
+"""
+
 
 def surveyed(tmp_path: Path, text: str) -> Survey:
     (tmp_path / "m.yaml").write_text(text)
@@ -116,11 +136,25 @@ def test_points_meet_along_axes_in_which_one_row_repeats_everywhere(tmp_path: Pa
 
 
 @pytest.mark.parametrize("kind", ["type: cylindrical", "type: screw, pitch: 0.04"])
-def test_rows_turn_with_the_body_that_does_not_spin(kind: str, tmp_path: Path) -> None:
+def test_rows_do_not_turn_with_a_body_that_spins(kind: str, tmp_path: Path) -> None:
     """Across a rod that turns about its axis no row is of use all the way round."""
     survey = surveyed(tmp_path, RODS.replace("KIND", kind))
-    assert [max(x.along, 0) for x in survey.system.model.closures] == [1, 0]
     assert survey.rank == (5 if "screw" in kind else 4)
+    assert whole_share(survey) > POOR
+    assert failed(survey.system) == []
+
+
+@pytest.mark.parametrize("kind", ["type: revolute", "type: cylindrical", "type: screw, pitch: 0.1"])
+@pytest.mark.parametrize("base", ["base", "ground"])
+def test_rows_lie_across_axes_of_what_carries_two_bodies_that_spin(
+    base: str, kind: str, tmp_path: Path
+) -> None:
+    """Across either of them no row is of use all the way round."""
+    text = SPOOL.replace("KIND", kind).replace("parent: base", f"parent: {base}")
+    survey = surveyed(tmp_path, text)
+    (closure,) = survey.system.model.closures
+    assert closure.along > 1
+    assert closure.seen_from == base
     assert whole_share(survey) > POOR
     assert failed(survey.system) == []
 

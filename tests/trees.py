@@ -131,3 +131,12 @@ joints:
   "j{{i}}": {{type: revolute, parent: "b{{i-1}}", child: "b{{i}}", at: [0.1 m, 0.02]}}
 inputs: {{"tau{{i}}": {{joint: "j{{i}}"}}}}
 """
+
+
+def gait(n: int) -> str:
+    """Such a chain whose joints are driven by waves: sines of the time, and sines and cosines of
+    angles that are no joint's own."""
+    wave = "(1 N*m)*sin((3 rad/s)*t - 0.4*{i}) + (0.3 N*m)*cos(2*q{i})*sin(2*q{i})"
+    return snake(n).replace("snake", "gait").replace("0.02]}", '0.02], coordinate: "q{i}"}') + (
+        f'loads: {{"wave{{i}}": {{type: expression, joint: "j{{i}}", expression: "{wave}"}}}}\n'
+    )

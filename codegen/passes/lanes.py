@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from codegen.passes.split import is_long
-from codegen.program import CHART, Expression, Kernel, Program, Rolled
+from codegen.program import CHART, Expression, Kernel, Program, Rolled, Section
 
 DYNAMICS = "dynamics"
 BATCHED = (DYNAMICS, "derivatives", "steady")  # worth the time to compile them twice
@@ -22,6 +22,7 @@ PLAIN = frozenset({
 LIBRARY = frozenset({
     "exp", "expm1", "log", "log1p", "tanh", "sinh", "cosh", "atan", "atan2", "asin", "acos", "pow",
 })  # fmt: skip
+NO_TURNS = (PLAIN | LIBRARY) - {"sin", "cos"}
 # statements, inputs and outputs together: longer loops over lanes take compilers too long. What is
 # asked for by name is in parts. Of code that comes again what is left counts.
 WIDEST, LONGEST = 1_500, 12_000
@@ -139,13 +140,20 @@ def does_work(program: Program) -> bool:
 
 def _is_straight(kernel: Kernel) -> bool:
     if kernel.rolled:
-        bodies = values_of(kernel.rolled)
         short = FEWEST * _numbers(kernel) <= MOST_APART
-        plain = (PLAIN | LIBRARY) - {"sin", "cos"}  # those of a joint's own angle stand apart
-        return short and all(is_plain(value, plain) for value in bodies)
+        ends = all(is_plain(value, NO_TURNS) for value in _ends(kernel.rolled))
+        return short and ends and all(map(_is_lane, _statements(kernel.rolled)))
     if is_wide(kernel) or (kernel.repeats and FEWEST * _numbers(kernel) > MOST_APART):
         return False
     return all(is_plain(value, PLAIN | LIBRARY) for value in _values(kernel))
+
+
+def _is_lane(value: Expression) -> bool:
+    """Plain, with a sine or cosine as a statement of its own alone: in loops over links they come
+    two at a time."""
+    if isinstance(value, tuple) and value[0] in ("sin", "cos"):
+        value = value[1]
+    return is_plain(value, NO_TURNS)
 
 
 def is_wide(kernel: Kernel) -> bool:
@@ -164,11 +172,24 @@ def _values(kernel: Kernel) -> list[Expression]:
 
 def values_of(of: Rolled) -> list[Expression]:
     """All expressions in the bodies of loops."""
+    return [*_statements(of), *_ends(of)]
+
+
+def _statements(of: Rolled) -> list[Expression]:
+    return [s.value for section in sections_of(of) for s in section.statements]
+
+
+def _ends(of: Rolled) -> list[Expression]:
+    """What bodies of loops leave behind."""
     values = [angle.value for angle in of.angles if angle]
     for visit in of.visits:
-        values += [s.value for section in visit.sections for s in section.statements]
         values += [*(x for _, x in visit.kept), *visit.handed, *(x for _, x in visit.results)]
     return values
+
+
+def sections_of(of: Rolled) -> list[Section]:
+    """All sections of the bodies of loops."""
+    return [section for visit in of.visits for section in visit.sections]
 
 
 def is_plain(value: Expression, plain: frozenset[str]) -> bool:

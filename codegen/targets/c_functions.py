@@ -127,7 +127,7 @@ def _loops(program: Program, kernel: Kernel, of: Rolled, style: Style) -> Body:
         for section in kernel.sections
         for s in section.statements
     ]
-    own = f"{program.name}_{kernel.name}_"
+    rolled = c_text(program.name, kernel, of, style is SIDE_BY_SIDE, lines)
     sizes = {argument.name: len(argument.names) for argument in program.arguments}
     return Body(
         kernel=kernel,
@@ -136,8 +136,8 @@ def _loops(program: Program, kernel: Kernel, of: Rolled, style: Style) -> Body:
         workspace=of.workspace,
         stray=_stray(program, kernel, style),
         residual="",
-        turns=any(of.angles),
-        rolled=c_text(kernel, of, own, style is SIDE_BY_SIDE, lines),
+        turns=any(of.angles) or rolled.turns,
+        rolled=rolled,
         finite=(
             *((name, "t_" if name == "t" else name, sizes[name]) for name in kernel.uses),
             ("out", "out", kernel.size),

@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from codegen import text
-from codegen.program import Angle, Expression, Kernel, Rolled, Visit
+from codegen.passes.lanes import sections_of
+from codegen.program import Angle, Expression, Kernel, Rolled, Section, Visit
+from codegen.targets.turns import by_lanes, is_turn
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,7 @@ class Text:
     clears: bool  # the result begins as zeros
     factors: tuple[str, ...]  # of parameters, the same at all links
     at: dict[str, str] = field(default_factory=dict[str, str])
+    turns: bool = False  # are there sines and cosines in lanes, besides those of angles?
 
     @property
     def lines(self) -> Iterator[str]:
@@ -132,8 +135,9 @@ def _entry(x: Expression, language: text.Language) -> str:
     return text.number(x, language) if isinstance(x, float) else "0.0"
 
 
-def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Sequence[str]) -> Text:
+def c_text(program: str, kernel: Kernel, of: Rolled, lanes: bool, prologue: Sequence[str]) -> Text:
     """In C. In lanes entry i of an array is LANES numbers side by side."""
+    prefix = f"{program}_{kernel.name}_"
     at = {name: index.text(prefix) for name, index in indices(of).items()}
     at["ahead"] = indices(of)["start"].text(prefix, "(i + j)")
     language = text.LANES if lanes else text.C
@@ -159,11 +163,8 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
         ]
         if lanes and any(load.argument == "t" for load in visit.loads):
             lines.insert(0, "const double t = t_[lane];")
-        lines += [
-            f"const double {s.name} = {text.expression(s.value, language)};"
-            for section in visit.sections
-            for s in section.statements
-        ]
+        for section in visit.sections:
+            lines += _lane_lines(program, section) if lanes else _lines(section, language)
         return Block(tuple(lines), tuple(_after(of, visit, language, entry, at, lanes)))
 
     def angle(kind: int, angle: Angle) -> Block:
@@ -189,7 +190,25 @@ def c_text(kernel: Kernel, of: Rolled, prefix: str, lanes: bool, prologue: Seque
         clears=_clears(kernel.size, of),
         factors=tuple(text.expression(x, language) for x in of.factors),
         at=at,
+        turns=lanes and any(is_turn(s) for part in sections_of(of) for s in part.statements),
     )
+
+
+def _lines(section: Section, language: text.Language) -> Iterator[str]:
+    for statement in section.statements:
+        yield f"const double {statement.name} = {text.expression(statement.value, language)};"
+
+
+def _lane_lines(program: str, section: Section) -> Iterator[str]:
+    """With sines and cosines of an angle together."""
+    taken = {statement.name for statement in section.statements}
+    steps = by_lanes(program, section, taken, "bad[lane]")
+    for statement in section.statements:
+        if statement.name in steps:
+            yield from steps[statement.name].lines
+        elif not is_turn(statement):
+            value = text.expression(statement.value, text.LANES)
+            yield f"const double {statement.name} = {value};"
 
 
 def _clears(size: int, of: Rolled) -> bool:

@@ -20,13 +20,14 @@ class Step:
     makes: Sequence[str]
 
 
-def by_lanes(prefix: str, section: Section, taken: set[str]) -> dict[str, Step]:
-    """A step for the sine and the cosine of an angle, at the first of them."""
+def by_lanes(prefix: str, section: Section, taken: set[str], bad: str = "bad") -> dict[str, Step]:
+    """A step for the sine and the cosine of an angle, at the first of them; `bad` counts angles
+    that are too large."""
     steps: dict[str, Step] = {}
     for angle, pairs in angles_of(section).items():
         first = next(iter(pairs.values()))
         sin, cos = (pairs.get(name) or fresh(f"{first}_{name}", taken) for name in ("sin", "cos"))
-        call = f"bad += {prefix}_sincos({text.expression(angle, text.LANES)}, &{sin}, &{cos});"
+        call = f"{bad} += {prefix}_sincos({text.expression(angle, text.LANES)}, &{sin}, &{cos});"
         steps[first] = Step([f"double {sin}, {cos};", call], list(names(angle)), [sin, cos])
     return steps
 

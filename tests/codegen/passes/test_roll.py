@@ -41,7 +41,7 @@ from hamel.build.module import published
 from hamel.build.options import BuildOptions
 from hamel.build.stages import equations_of, program_for
 from tests.scenes import MODELS
-from tests.trees import chain, equal_links, rod, rope, several, snake, tree, urdf
+from tests.trees import chain, equal_links, gait, rod, rope, several, snake, tree, urdf
 
 DYNAMICS = ("dynamics",)
 FUNCTIONS = (*DYNAMICS, "bias", "inverse_dynamics", "dynamics_forward", "dynamics_adjoint")
@@ -85,7 +85,7 @@ def states(made: Program, many: int, function: str = "dynamics") -> tuple[np.nda
 
 
 @pytest.mark.parametrize(
-    "text", [chain(7), tree(), equal_links(6), several(), rope(4), rod(4), snake(5)]
+    "text", [chain(7), tree(), equal_links(6), several(), rope(4), rod(4), snake(5), gait(5)]
 )
 def test_loops_give_what_straight_code_gives(
     text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -121,7 +121,7 @@ def test_products_of_derivatives_in_loops_are_slopes_of_the_dynamics(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "text", [chain(50), tree(), equal_links(9), several(), rope(5), rod(5), snake(6)]
+    "text", [chain(50), tree(), equal_links(9), several(), rope(5), rod(5), snake(6), gait(6)]
 )
 def test_compiled_loops_one_by_one_and_in_lanes(text: str, tmp_path: Path) -> None:
     equations = derived(tmp_path, text)
@@ -138,6 +138,19 @@ def test_compiled_loops_one_by_one_and_in_lanes(text: str, tmp_path: Path) -> No
         assert np.abs(alone - expected).max() <= CLOSE * size, name
         assert np.abs(call(0.3, x, u, p) - expected).max() <= CLOSE * size, name
         assert np.abs(call(0.3, x, u, p[0])[0] - expected[0]).max() <= CLOSE * size, name
+
+
+@pytest.mark.slow
+def test_sines_in_loops_of_angles_that_are_too_large_for_lanes(tmp_path: Path) -> None:
+    """These states are computed alone."""
+    made = program(derived(tmp_path, gait(6)), DYNAMICS, roll="always")
+    assert is_batched(made.kernel("dynamics"))
+    module = loader.load(published(made, tmp_path / "far").folder)
+    x, u, p = states(made, 9)
+    t = np.full(9, 0.3)
+    t[4] = 1e9
+    alone = np.array([module.dynamics(*row) for row in zip(t, x, u, p)])
+    np.testing.assert_allclose(module.dynamics(t, x, u, p), alone, rtol=1e-11)
 
 
 def test_long_mechanisms_go_in_fewer_lanes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -188,8 +201,8 @@ def code_without_tables(made: Program) -> str:
 )
 @pytest.mark.parametrize(
     "text",
-    [chain(40), tree(), rope(6), rod(6), snake(8)],
-    ids=["chain", "tree", "rope", "rod", "snake"],
+    [chain(40), tree(), rope(6), rod(6), snake(8), gait(8)],
+    ids=["chain", "tree", "rope", "rod", "snake", "gait"],
 )
 def test_lanes_of_short_visits_are_vectors_too(text: str, tmp_path: Path) -> None:
     """gcc takes loops of few iterations and statements apart before it looks for vectors, and then

@@ -133,6 +133,29 @@ inputs: {{"tau{{i}}": {{joint: "j{{i}}"}}}}
 """
 
 
+def strapped(n: int) -> str:
+    """An oblique chain whose neighbours are tied to each other: springs with damping and ropes
+    between points, bushings."""
+    ends = 'between: ["b{i-1}", "b{i}"], at: [[0.05, 0, 0.02], [0.05, 0.01, 0.02]]'
+    return f"""
+model: strapped{n}
+gravity: [0.3, 0, -9.81 m/s^2]
+repeat: {{i: 1..{n - 1}}}
+bodies:
+  b0: {{mass: 0.1 kg, com: [0.05, 0.01, 0], inertia: [0.001, 0.002, 0.0021]}}
+  "b{{i}}": {{mass: 0.1 kg, com: [0.05, 0.02, 0], inertia: [0.001, 0.002, 0.0021]}}
+joints:
+  j0: {{type: revolute, parent: ground, child: b0, axis: y}}
+  "j{{i}}":
+    {{type: revolute, parent: "b{{i-1}}", child: "b{{i}}", axis: y,
+     at: {{parent: {{position: [0.1, 0, 0], rpy: [30 deg, 0, 0]}}}}}}
+loads:
+  "s{{i}}": {{type: spring, {ends}, stiffness: 90, length: 0.08 m, damping: 0.1}}
+  "r{{i}}": {{type: tension, {ends}, tension: 2 N}}
+  "w{{i}}": {{type: bushing, {ends}, stiffness: [50, 60, 70], torsion: 1, damping: 0.02}}
+"""
+
+
 def gait(n: int) -> str:
     """Such a chain whose joints are driven by waves: sines of the time, and sines and cosines of
     angles that are no joint's own."""

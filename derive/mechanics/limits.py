@@ -30,6 +30,9 @@ MOST_ENTRIES = 2_500  # of M below the diagonal; beyond that only the O(n) recur
 LONG = 250
 FEW = 40  # with more links than this, equivalent sets of inertias are not compared
 
+# templates
+MOST_TERMS = 2_000  # of the formula of a force at a joint in loops over links
+
 # rolling
 FLAT = 1e-9  # a sine of the angle between axis and normal below this is none
 

@@ -90,8 +90,8 @@ class Scene:
     def among(self, bodies: Sequence[str]) -> Scene:
         """The same in the axes of that link, for what has no other axes than those of the bodies:
         how the link is turned is no part of it, either."""
-        first, second = (self.places[body].link for body in bodies)
-        carrier, beyond = nearest_carrier(self.links, first, second)
+        tips = [self.places[body].link for body in bodies]
+        carrier, beyond = nearest_carrier(self.links, *tips)
         if carrier < 0 or not beyond:
             return self
         rotations = rotations_on(self.links, carrier, beyond)

@@ -16,9 +16,12 @@ import casadi as ca
 from derive.diagnostics import AssumptionError
 from derive.expressions.instructions import Instruction, listing, run
 from derive.expressions.scalars import Scalar, Vector
+from derive.mechanics.limits import MOST_TERMS
 
 Key = tuple[Any, ...]
 CONSTANT: Key = ("constant",)
+FOREIGN: Key = ("several joints",)
+LONG: Key = ("too long",)
 Q, V, INPUT, TIME = range(4)  # what a leaf is, besides
 
 
@@ -26,17 +29,20 @@ Q, V, INPUT, TIME = range(4)  # what a leaf is, besides
 class Formula:
     """`key` is the same for formulas that are alike; `constants` and `inputs` (entries of u) stand
     in it from left to right. `joints` are the coordinates and the velocities it takes: in the key
-    they are counted joint by joint."""
+    they are counted joint by joint. Keys have no shared parts, so that what takes several joints,
+    or more than MOST_TERMS, has none: written out it may be of any length."""
 
     key: Key
     constants: tuple[Scalar, ...] = ()
     inputs: tuple[int, ...] = ()
     joints: frozenset[tuple[int, int]] = frozenset()
+    terms: int = 1
 
 
 @dataclass(frozen=True)
 class Slots:
-    """The arguments of formulas, and the number of every coordinate and velocity in its joint."""
+    """The arguments of formulas, the number of every coordinate and velocity in its joint, and the
+    link that it moves."""
 
     t: ca.SX
     q: ca.SX
@@ -45,6 +51,7 @@ class Slots:
     p: ca.SX
     coordinates: Mapping[int, int]
     velocities: Mapping[int, int]
+    links: Mapping[tuple[int, int], int]
 
 
 def formulas(values: ca.SX, slots: Slots) -> list[Formula]:
@@ -65,10 +72,22 @@ def formulas(values: ca.SX, slots: Slots) -> list[Formula]:
             (argument, numbers[argument][nonzero]), joints=frozenset([(argument, nonzero)])
         )
 
-    return run(listing(function), entry, lambda x: Formula(CONSTANT, (x,)), _operation)[0]
+    def operation(read: Instruction, operands: list[Formula]) -> Formula:
+        joints = frozenset[tuple[int, int]]().union(*(operand.joints for operand in operands))
+        by_link = {slots.links[entry]: entry for entry in joints}
+        if len(by_link) > 1:
+            return Formula(FOREIGN, joints=frozenset(sorted(by_link.values())[:2]))
+        return _operation(read, operands, joints)
+
+    return run(listing(function), entry, lambda x: Formula(CONSTANT, (x,)), operation)[0]
 
 
-def _operation(read: Instruction, operands: list[Formula]) -> Formula:
+def _operation(
+    read: Instruction, operands: list[Formula], joints: frozenset[tuple[int, int]]
+) -> Formula:
+    terms = sum(operand.terms for operand in operands)
+    if terms > MOST_TERMS:
+        return Formula(LONG, joints=joints, terms=terms)
     constants = tuple(x for operand in operands for x in operand.constants)
     if all(operand.key == CONSTANT for operand in operands):
         return Formula(CONSTANT, (_applied(read.code, constants),))
@@ -76,7 +95,8 @@ def _operation(read: Instruction, operands: list[Formula]) -> Formula:
         (read.code, *(operand.key for operand in operands)),
         constants,
         tuple(x for operand in operands for x in operand.inputs),
-        frozenset[tuple[int, int]]().union(*(operand.joints for operand in operands)),
+        joints,
+        terms,
     )
 
 
@@ -93,10 +113,13 @@ def _applied(code: int, operands: Sequence[Scalar]) -> Scalar:
 def check_own(
     formula: Formula, coordinates: Collection[int], velocities: Collection[int], joint: str
 ) -> None:
-    """A joint's force may depend on that joint alone. Raises AssumptionError."""
+    """A joint's force may depend on that joint alone, in a formula that can be written out. Raises
+    AssumptionError."""
     own = {*((Q, k) for k in coordinates), *((V, k) for k in velocities)}
     if not formula.joints <= own:
         raise AssumptionError(f"a force at {joint} depends on other joints, too")
+    if formula.key == LONG:
+        raise AssumptionError(f"a force at {joint} is a formula of more than {MOST_TERMS} terms")
 
 
 def written(

@@ -54,15 +54,17 @@ def relative_rotation(links: Sequence[Link], to: int, of: int) -> Rotation:
     return merged(inverse(back), there)
 
 
-def nearest_carrier(links: Sequence[Link], a: int, b: int) -> tuple[int, list[int]]:
-    """The link nearest to both that carries both, −1 for the ground, and what lies between it and
-    them, carriers first: a link comes after its parent."""
-    beyond: list[int] = []
-    while a != b:
-        tip = max(a, b)
-        beyond.append(tip)
-        a, b = (links[tip].parent, b) if tip == a else (a, links[tip].parent)
-    return a, sorted(beyond)
+def nearest_carrier(links: Sequence[Link], *tips: int) -> tuple[int, list[int]]:
+    """The link nearest to all of these that carries them, −1 for the ground, and what lies between
+    it and them, carriers first: a link comes after its parent."""
+    carrier, beyond = tips[0], set[int]()
+    for tip in tips[1:]:
+        while carrier != tip:
+            farther = max(carrier, tip)
+            beyond.add(farther)
+            above = links[farther].parent
+            carrier, tip = (above, tip) if farther == carrier else (carrier, above)
+    return carrier, sorted(beyond)
 
 
 def _common(a: Sequence[int], b: Sequence[int]) -> list[int]:

@@ -29,7 +29,7 @@ from derive.formulations.rolled.ways import WAYS, AtLink, Places
 from derive.joints.rotations import is_one, plus
 from derive.mechanics.loops.records import Joint, Kind, Recursion
 from derive.mechanics.records import Link, System
-from derive.mechanics.templates import Slots, check_own, formulas, written
+from derive.mechanics.templates import Q, Slots, V, check_own, formulas, written
 from derive.model.load_records import Exhaust
 
 
@@ -135,6 +135,8 @@ def _own(
         system.t, system.q, system.v, system.u, system.p,
         {k: n for own in coordinates for n, k in enumerate(own)},
         {j: n for link in system.links for n, j in enumerate(link.columns)},
+        {(Q, k): i for i, own in enumerate(coordinates) for k in own}
+        | {(V, j): i for i, link in enumerate(system.links) for j in link.columns},
     )  # fmt: skip
     found = formulas(ca.SX(ca.vertcat(*values)), slots)
     result: list[Own] = []

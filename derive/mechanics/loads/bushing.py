@@ -16,8 +16,8 @@ def bushing(scene: Scene, load: Bushing) -> Applied:
     d is the second origin's displacement, θ = ½ Σ aᵢ × bᵢ of the two frames' axes: the rotation
     vector while it is small.
     """
-    s = scene.symbols
-    frames = [joint_frame(scene, body, at, ()) for body, at in zip(load.bodies, load.placements)]
+    s, near = scene.symbols, scene.among(load.bodies)
+    frames = [joint_frame(near, body, at, ()) for body, at in zip(load.bodies, load.placements)]
     (start, a), (end, b) = frames
     turn = 0.5 * sum((ca.cross(x, y) for x, y in zip(a, b)), ca.SX.zeros(3))
     parts = [(ca.vertcat(*[ca.dot(e, end - start) for e in a]), load.stiffness, load.damping)]

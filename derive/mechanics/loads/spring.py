@@ -39,11 +39,10 @@ def ball_spring(scene: Scene, load: BallSpring) -> Applied:
 
 def point_spring(scene: Scene, load: PointSpring) -> Applied:
     """V = ½ k (d − length)² and, through d = |p₂ − p₁|, the damping force −damping ḋ ∂d/∂q carried
-    over to v. Singular where the two points meet; ModelError where they always do."""
-    s = scene.symbols
-    ends = [
-        in_ground(scene, body, s.vector(point)) for body, point in zip(load.bodies, load.points)
-    ]
+    over to v. Singular where the two points meet; ModelError where they always do. What carries
+    both points is no part of it."""
+    s, near = scene.symbols, scene.among(load.bodies)
+    ends = [in_ground(near, body, s.vector(point)) for body, point in zip(load.bodies, load.points)]
     apart = difference(ends[1], ends[0])
     check_apart(scene, apart, load.name, load.span)
     gap = ca.vertcat(*apart)

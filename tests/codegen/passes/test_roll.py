@@ -41,7 +41,7 @@ from hamel.build.module import published
 from hamel.build.options import BuildOptions
 from hamel.build.stages import equations_of, program_for
 from tests.scenes import MODELS
-from tests.trees import chain, equal_links, gait, rod, rope, several, snake, tree, urdf
+from tests.trees import chain, equal_links, gait, rod, rope, several, snake, strapped, tree, urdf
 
 DYNAMICS = ("dynamics",)
 FUNCTIONS = (*DYNAMICS, "bias", "inverse_dynamics", "dynamics_forward", "dynamics_adjoint")
@@ -85,7 +85,8 @@ def states(made: Program, many: int, function: str = "dynamics") -> tuple[np.nda
 
 
 @pytest.mark.parametrize(
-    "text", [chain(7), tree(), equal_links(6), several(), rope(4), rod(4), snake(5), gait(5)]
+    "text",
+    [chain(7), tree(), equal_links(6), several(), rope(4), rod(4), snake(5), gait(5), strapped(5)],
 )
 def test_loops_give_what_straight_code_gives(
     text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -343,6 +344,37 @@ def test_a_rope_on_ball_joints_takes_one_body_of_code(tmp_path: Path) -> None:
     totals = [made.kernel("dynamics").operations["total"] for made in (few, many)]
     assert totals[1] <= 2.1 * totals[0] and totals[1] <= 450 * 8
     assert "coordinate" not in re.sub(r"/\*.*?\*/", "", emit(many)[f"{many.name}_dynamics.c"])
+
+
+def test_what_ties_neighbours_is_a_force_of_the_joint_between_them(tmp_path: Path) -> None:
+    """How far apart they are does not depend on what carries both. With points in ground axes a
+    damper of every joint took operations by the square of the links, and no loops."""
+    few, many = (program(derived(tmp_path, strapped(n)), DYNAMICS, roll="always") for n in (6, 12))
+    totals = [made.kernel("dynamics").operations["total"] for made in (few, many)]
+    assert totals[1] <= 2.3 * totals[0]
+
+
+def test_forces_across_many_joints_are_refused_before_they_are_written_out(tmp_path: Path) -> None:
+    """As a formula without shared parts a spring over nine oblique joints filled the memory."""
+    spring = "far: {type: spring, between: [b1, b13], stiffness: 3}"
+    far = strapped(14).replace("loads:", f"loads:\n  {spring}")
+    with pytest.raises(AssumptionError, match="depends on other joints, too"):
+        program(derived(tmp_path, far), DYNAMICS, roll="always")
+
+
+def test_a_force_of_one_joint_may_be_a_long_formula(tmp_path: Path) -> None:
+    """Squares of squares double what is written out with each: 2¹⁰ is refused."""
+    squares = "{a0: sin(q2), " + ", ".join(f"a{k + 1}: a{k}*a{k} + a{k}" for k in range(14)) + "}"
+    long = (
+        strapped(12)
+        .replace("axis: y,\n", 'axis: y, coordinate: "q{i}",\n')
+        .replace(
+            "loads:",
+            f"where: {squares}\nloads:\n  s: {{type: expression, joint: j2, expression: (1 N*m)*a14}}",
+        )
+    )
+    with pytest.raises(AssumptionError, match="more than 2000 terms"):
+        program(derived(tmp_path, long), DYNAMICS, roll="always")
 
 
 def test_rows_are_as_long_as_their_kind_needs(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from derive.diagnostics import counted
 from derive.robots.markup import Element
 from derive.robots.mjcf.bodies import Scene
 from derive.robots.mjcf.forces import Transmission, by_formula, coefficient, joint_of, load, times
-from derive.robots.mjcf.laws import Law, is_mixed, law_of
+from derive.robots.mjcf.laws import Law, law_of
 from derive.robots.mjcf.reference import felt_by_line, felt_inertia
 from derive.robots.mjcf.settings import completed
 from derive.robots.mjcf.tendons import Line, Tendons, pull, tension_of
@@ -30,14 +30,13 @@ CLAMPS = ("ctrlrange", "forcerange", "actrange")
 def actuators(reading: Reading, root: Element, known: Tendons, scene: Scene) -> None:
     """Reads every <actuator> into inputs or forces of the robot. Ranges are left out and said so: a
     clamped force is not smooth."""
-    clamped = early = late = off = mixed = 0
+    clamped = early = late = off = 0
     for section in root.all("actuator"):
         for element in section.children:
             actuator = completed(reading, element, scene.settings)
             if scalar(reading, actuator, "group") in scene.settings.idle_groups:
                 off += 1
                 continue
-            mixed += is_mixed(element, scene.settings)
             early += actuator.get("actearly") == "true"
             late += scalar(reading, actuator, "delay") > 0.0
             law = law_of(reading, element, scene.settings)
@@ -45,10 +44,6 @@ def actuators(reading: Reading, root: Element, known: Tendons, scene: Scene) -> 
                 _transmitted(reading, actuator, law, known, scene)
             clamped += any(name in actuator.attributes for name in CLAMPS)
     of = partial(counted, one="actuator")
-    if mixed:
-        scene.robot.assumed.append(
-            f"gains of {of(mixed)} whose class has defaults of other kinds: look at them"
-        )
     if off:
         scene.robot.changed.append(f"{of(off)} of groups that are switched off: not read")
     if early:

@@ -1,17 +1,17 @@
 """Force laws of MJCF actuators: gains, biases and an activation, which every kind of actuator
 writes in a way of its own.
 
-A class of defaults has a record of these for each kind. What it says of <general> is written over
-that of <general>, and stands for all kinds with gains of its type then; what it says of another
-kind is written over that of the kind, and stands for <general> as well. An actuator is written over
-the record of its kind. So does MuJoCo 4.0.0, whose XML reference says what the kinds write; where
-several kinds of defaults meet (`is_mixed`), it looks further for a record that suits.
+A class of defaults has one record of these, which starts as that of the class around it, and every
+kind writes over it. A kind builds on what was written last where that was of its own kind, or by
+<general> with gains of its type; else on what stood last in the class around, by the same rule,
+and at the end on nothing. So the last kind of a class hides the others, whose numbers are lost:
+such is MuJoCo 4.0.0, whose XML reference says what the kinds write. <general> builds on all.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from derive.robots.markup import Element
@@ -57,7 +57,8 @@ class Law:
 
 @dataclass(frozen=True)
 class _Record:
-    """What is written so far. b₂ above zero is a damping ratio where b₁ = −g₀."""
+    """What is written so far. b₂ above zero is a damping ratio where b₁ = −g₀. `foreign`: a kind of
+    actuator below it that is not read."""
 
     gain: Three = (1.0, 0.0, 0.0)
     bias: Three = (0.0, 0.0, 0.0)
@@ -65,6 +66,15 @@ class _Record:
     gaintype: str = "fixed"
     biastype: str = "none"
     dyntype: str = "none"
+    foreign: str = ""
+
+
+@dataclass(frozen=True)
+class _Written:
+    """The record of a class of defaults, and the kind of actuator that wrote last."""
+
+    kind: str
+    record: _Record
 
 
 def law_of(reading: Reading, actuator: Element, found: Settings) -> Law | None:
@@ -73,31 +83,43 @@ def law_of(reading: Reading, actuator: Element, found: Settings) -> Law | None:
         known = ", ".join(_WRITERS)
         reading.report(actuator, f"a <{actuator.tag}> actuator, which has a law of its own", known)
         return None
-    records = dict.fromkeys(_WRITERS, _Record())
-    for element in found.laws.get(actuator.get("class") or "main", ()):
-        if element.tag not in _WRITERS:
-            continue  # of a kind that is refused where it stands for itself
-        record = _WRITERS[element.tag](reading, element, records[element.tag])
-        records |= dict.fromkeys(_takers(element.tag, record), record)
-    record = _WRITERS[actuator.tag](reading, actuator, records[actuator.tag])
-    return _law(reading, actuator, record)
+    record = _below(actuator.tag, _defaults_of(reading, actuator, found))
+    return _law(reading, actuator, _WRITERS[actuator.tag](reading, actuator, record))
 
 
-def _takers(kind: str, record: _Record) -> Iterable[str]:
-    """Kinds of actuators for which the record stands."""
-    if kind != GENERAL:
-        return (kind, GENERAL)
-    affine = record.gaintype == "affine"
-    return (GENERAL, *(one for one in _WRITERS if affine == (one == "damper")))
+def _defaults_of(reading: Reading, actuator: Element, found: Settings) -> list[_Written]:
+    """What the classes of an actuator have written in the end, the outermost first."""
+    levels = [_Written(GENERAL, _Record())]
+    for elements in found.laws.get(actuator.get("class") or "main", ()):
+        levels.append(levels[-1])
+        for element in elements:
+            if element.tag in _WRITERS:
+                below = _below(element.tag, levels)
+                record = _WRITERS[element.tag](reading, element, below)
+            else:
+                record = _Record(foreign=element.tag)
+            levels[-1] = _Written(element.tag, record)
+    return levels
 
 
-def is_mixed(actuator: Element, found: Settings) -> bool:
-    """Whether several kinds of defaults meet, one of them another than the actuator's."""
-    kinds = {element.tag for element in found.laws.get(actuator.get("class") or "main", ())}
-    return len(kinds) > 1 and bool(kinds - {actuator.tag, GENERAL})
+def _below(kind: str, levels: Sequence[_Written]) -> _Record:
+    """What an element of a kind writes over."""
+    if kind == GENERAL:
+        return levels[-1].record
+    suited = (w.record for w in reversed(levels) if w.kind == kind or _suits(kind, w))
+    return next(suited, _Record())
+
+
+def _suits(kind: str, written_last: _Written) -> bool:
+    gaintype = "affine" if kind == "damper" else "fixed"
+    return written_last.kind == GENERAL and written_last.record.gaintype == gaintype
 
 
 def _law(reading: Reading, actuator: Element, record: _Record) -> Law | None:
+    if record.foreign:
+        problem = f"a <{actuator.tag}> over defaults of a <{record.foreign}>"
+        reading.report(actuator, problem, f"a class without <{record.foreign}>")
+        return None
     for attribute, allowed in TYPES.items():
         given = getattr(record, attribute)
         if given not in allowed:
@@ -140,14 +162,7 @@ def _overlaid(reading: Reading, element: Element, attribute: str, before: Three)
 
 
 def _motor(reading: Reading, element: Element, record: _Record) -> _Record:
-    return replace(
-        record,
-        gain=(1.0, 0.0, 0.0),
-        bias=(0.0, 0.0, 0.0),
-        gaintype="fixed",
-        biastype="none",
-        dyntype="none",
-    )
+    return _Record()
 
 
 def _position(reading: Reading, element: Element, record: _Record) -> _Record:
@@ -162,17 +177,15 @@ def _position(reading: Reading, element: Element, record: _Record) -> _Record:
         if damping < 0.0:
             problem = "a damping ratio below zero"
             reading.report(element, problem, "zero or more", attribute="dampratio")
-    dyntype = "filterexact" if record.dyntype == "filterexact" else "none"
-    if "timeconst" in element.attributes:
-        lag = scalar(reading, element, "timeconst")
-        dyntype, record = ("filterexact" if lag > 0.0 else "none"), replace(record, lag=lag)
-    return replace(
-        record,
+    filtered = "timeconst" in element.attributes or record.dyntype == "filterexact"
+    lag = scalar(reading, element, "timeconst", record.lag) if filtered else 1.0
+    return _Record(
         gain=(kp, 0.0, 0.0),
         bias=(0.0, -kp, damping),
-        gaintype="fixed",
+        lag=lag,
         biastype="affine",
-        dyntype=dyntype,
+        dyntype="filterexact" if filtered and lag > 0.0 else "none",
+        foreign=record.foreign,
     )
 
 
@@ -183,20 +196,18 @@ def _intvelocity(reading: Reading, element: Element, record: _Record) -> _Record
 def _velocity(reading: Reading, element: Element, record: _Record) -> _Record:
     """kv (u − dℓ/dt)."""
     kv = scalar(reading, element, "kv", record.gain[0])
-    return replace(
-        record,
+    return _Record(
         gain=(kv, 0.0, 0.0),
         bias=(0.0, 0.0, -kv),
-        gaintype="fixed",
         biastype="affine",
-        dyntype="none",
+        foreign=record.foreign,
     )
 
 
 def _damper(reading: Reading, element: Element, record: _Record) -> _Record:
     """−kv dℓ/dt u."""
     kv = scalar(reading, element, "kv", -record.gain[2] if record.gaintype == "affine" else 0.0)
-    return replace(record, gain=(0.0, 0.0, -kv), gaintype="affine", biastype="none", dyntype="none")
+    return _Record(gain=(0.0, 0.0, -kv), gaintype="affine", foreign=record.foreign)
 
 
 def _cylinder(reading: Reading, element: Element, record: _Record) -> _Record:

@@ -37,17 +37,22 @@ ACTUATORS = (
     "cylinder",
     "muscle",
     "adhesion",
+    "orientation",
+    "pid",
+    "dcmotor",
+    "plugin",
 )
 
 
 @dataclass
 class Settings:
     """`classes`: class → kind of element → attributes, with what the class inherits; `laws`: class
-    → what it says of actuators, each over the ones before. `off`: flags that are disabled.
-    `total_mass`: what all bodies are scaled to, where it is more than zero. `idle_groups`: of
-    actuators without force. `aligned`: free bodies move with their inertia's frame where they say
-    nothing. `meshes` by name, whose files are below one of the `homes`, in `mesh_folder`, by their
-    names alone where the file says `without_path`; `solids`: what those asked for enclose.
+    → what the classes around it and it say of actuators, the outermost first. `off`: flags that are
+    disabled. `total_mass`: what all bodies are scaled to, where it is more than zero.
+    `idle_groups`: of actuators without force. `aligned`: free bodies move with their inertia's
+    frame where they say nothing. `meshes` by name, whose files are below one of the `homes`, in
+    `mesh_folder`, by their names alone where the file says `without_path`; `solids`: what those
+    asked for enclose.
     """
 
     degrees: bool = True
@@ -67,7 +72,9 @@ class Settings:
     meshes: dict[str, Element] = field(default_factory=dict[str, Element])
     solids: dict[str, Any] = field(default_factory=dict[str, Any])
     classes: dict[str, dict[str, dict[str, str]]] = field(default_factory=lambda: {"main": {}})
-    laws: dict[str, tuple[Element, ...]] = field(default_factory=dict[str, tuple[Element, ...]])
+    laws: dict[str, tuple[tuple[Element, ...], ...]] = field(
+        default_factory=dict[str, tuple[tuple[Element, ...], ...]]
+    )
 
     def angle(self, value: float) -> float:
         """An angle of the file in radians."""
@@ -231,7 +238,10 @@ def _defaults(reading: Reading, default: Element, found: Settings) -> None:
             if child.tag != "default":
                 kind = _family(child.tag)
                 table[kind] = _overruled(table.get(kind, {}), child.attributes)
-        found.laws[name] = (*found.laws.get(parent, ()), *element.all(*ACTUATORS))
+        around, own = found.laws.get(parent, ()), tuple(element.all(*ACTUATORS))
+        if element is default:  # further ones at the top go on writing into the same class
+            around, own = (), (*(around[0] if around else ()), *own)
+        found.laws[name] = (*around, own)
         if name == "main" or element is default:
             found.classes["main"], found.laws["main"] = table, found.laws[name]
         found.classes[name] = table

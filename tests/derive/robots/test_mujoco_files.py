@@ -243,6 +243,7 @@ def test_the_armature_of_a_free_joint_is_felt_along_the_ground(tmp_path):
 
 
 PRM = '<general gainprm="50" biasprm="1 -50 -3" biastype="affine"/>'
+INNER, INSIDE = '<default class="z">{}</default>', '<position class="z"/>'
 SERVO = """<mujoco><default>{}</default><worldbody><body>
   <joint name="j" {}/><geom size="0.1" {}/>
 </body></worldbody><actuator>{}</actuator></mujoco>"""
@@ -266,7 +267,8 @@ SERVO = """<mujoco><default>{}</default><worldbody><body>
         ('<velocity kv="4"/>', "<general/>", "4*a + (-4 d)*der(j)"),
         ('<velocity kv="4"/>', "<position/>", "a + (-1 k)*j"),
         (PRM.replace("/>", ' gaintype="affine"/>'), "<velocity/>", "a + (-1 d)*der(j)"),
-        (PRM + '<position kp="9"/>', "<velocity/>", "50*a + (-50 d)*der(j)"),
+        (PRM + '<position kp="9"/>', "<velocity/>", "a + (-1 d)*der(j)"),
+        (PRM + '<position kp="9"/>', "<position/>", "9*a + (-9 k)*j + (-3 d)*der(j)"),
         ('<position kp="9"/>' + PRM, "<position/>", "50*a + (-50 k)*j + (-3 d)*der(j)"),
         ('<motor gear="3"/>', '<position kv="3"/>', "3*a + (-9 k)*j + (-27 d)*der(j)"),
         ('<cylinder area="3" bias="1 2 3"/>', '<position kp="2"/>', "2*a + (-2 k)*j"),
@@ -275,6 +277,12 @@ SERVO = """<mujoco><default>{}</default><worldbody><body>
             "<general/>",
             "4*a + (-4 k)*j + (-1 d)*der(j)",
         ),
+        ('<velocity kv="4"/><position kp="7"/>', "<velocity/>", "a + (-1 d)*der(j)"),
+        ('<velocity kv="4"/><position kp="7"/>', "<general/>", "7*a + (-7 k)*j"),
+        ('<position kp="7"/><velocity kv="4"/>', "<velocity/>", "4*a + (-4 d)*der(j)"),
+        ('<position kp="7" kv="2"/><velocity kv="4"/>', "<position/>", "a + (-1 k)*j"),
+        ('<position kp="7"/>' + INNER.format('<velocity kv="4"/>'), INSIDE, "7*a + (-7 k)*j"),
+        (PRM + INNER.format('<muscle force="5"/>'), INSIDE, "50*a + (-50 k)*j + (-3 d)*der(j)"),
     ],
 )
 def test_defaults_of_one_kind_of_actuator_for_another(default, own, force, tmp_path):
@@ -282,8 +290,13 @@ def test_defaults_of_one_kind_of_actuator_for_another(default, own, force, tmp_p
     found = read(tmp_path, SERVO.format(default, "", "", named))
     written = force.replace(" k)", " N*m/rad)").replace(" d)", " N*m*s/rad)")
     assert f"expression: {written}}}" in found.text
-    mixed = "defaults of other kinds" in " ".join(found.assumed)
-    assert mixed == (default.count("<") > 1 and own != "<position/>")
+
+
+def test_a_general_actuator_over_defaults_of_a_kind_that_is_not_read_is_refused(tmp_path):
+    text = SERVO.format('<muscle force="5"/>', "", "", '<general name="a" joint="j"/>')
+    with pytest.raises(ModelError, match="a <general> over defaults of a <muscle>") as caught:
+        read(tmp_path, text)
+    assert caught.value.diagnostics[0].line == 3
 
 
 @pytest.mark.parametrize(

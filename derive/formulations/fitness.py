@@ -15,6 +15,7 @@ import numpy as np
 from derive.choices.pivots import sampled
 from derive.choices.survey import Survey
 from derive.diagnostics import AssumptionError, listed
+from derive.formulations.dependence import dependent_joints
 from derive.formulations.limits import MASSLESS, NULL, TAKES_PART
 from derive.joints.rotations import is_zero
 from derive.mechanics.records import System
@@ -72,6 +73,7 @@ def check_determined(survey: Survey) -> None:
     columns = _undetermined(survey)
     if not columns:
         return
+    _check_independent(survey)
     model = survey.system.model
     velocity = model.velocities[columns[0]]
     joint = next((joint for joint in model.joints if joint.name == velocity.owner), None)
@@ -81,13 +83,34 @@ def check_determined(survey: Survey) -> None:
     raise AssumptionError(model.diagnostic(span, message, advice))
 
 
+def _check_independent(survey: Survey) -> None:
+    """Raises AssumptionError where it is the axes of joints that determine too little."""
+    (M,) = _with_rows(survey, [sampled(survey, survey.system.M)[0]])
+    for motion in _null_space(M).T:
+        joints, still = dependent_joints(survey, motion)
+        if joints:
+            names = listed([joint.name for joint in joints])
+            raise AssumptionError(
+                survey.system.model.diagnostic(
+                    joints[-1].span,
+                    f"the axes of the joints {names} depend on each other: moved together they "
+                    f"leave the body {still} still, so nothing determines how fast they move",
+                    "axes in other directions or places, or one joint less",
+                )
+            )
+
+
 def _undetermined(survey: Survey) -> list[int]:
     if survey.system.definite:
         return []
-    M = masses(survey)
+    return _null_velocities(survey, _with_rows(survey, masses(survey)))
+
+
+def _with_rows(survey: Survey, M: list[np.ndarray]) -> list[np.ndarray]:
+    """[M; A] at the sampled states."""
     if not survey.system.rows:
-        return _null_velocities(survey, M)
-    return _null_velocities(survey, [np.vstack([m, A]) for m, A in zip(M, survey.rows)])
+        return M
+    return [np.vstack([m, A]) for m, A in zip(M, survey.rows)]
 
 
 def _undetermined_in_words(system: System, columns: list[int]) -> str:

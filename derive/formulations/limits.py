@@ -17,6 +17,8 @@ MASSLESS = 1e-12  # a diagonal entry of M below this part of the largest is not 
 NULL = 1e-10  # singular values below this part of the largest count as zero
 # a velocity belongs to a null direction where its entry is at least this part of the largest
 TAKES_PART = 0.1
+# of the largest: what moves less by a null direction, which is exact to NULL, stands still
+DEPENDENT = 1e-6
 
 # functions
 PER_RADIAN = 1e-3  # digits of a closed position are lost from 1,000 rad on, in proportion

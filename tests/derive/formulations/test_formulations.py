@@ -1,8 +1,8 @@
 """Choices of quasi-velocities: what is refused, what is preferred, what it costs, and that all of
 them mean the same.
 
-Of derive.formulations: assembly, fitness, formulation, functions, gauss, limits, manifold, motion,
-multipliers, projection.
+Of derive.formulations: assembly, dependence, fitness, formulation, functions, gauss, limits,
+manifold, motion, multipliers, projection.
 Of derive.formulations.methods: augmented, maggi, quasi_velocities, recursive, udwadia_phohomsiri.
 """
 
@@ -206,3 +206,38 @@ def test_nothing_left_to_move() -> None:
     )
     e = equations(system(load_text(text)), "best")
     assert e.w == () and functions(e)["dynamics"](0.3, [0.5, 0.0], [], e.parameters).numel() == 2
+
+
+ROW = """model: row
+bodies:
+  base: {{mass: 3 kg, inertia: [1, 2, 3]}}
+  first: {{mass: 0}}
+  second: {{mass: 0}}
+  tip: {{mass: 1 kg, inertia: [0.1, 0.2, 0.3]}}
+joints:
+  turn: {{type: revolute, parent: ground, child: base, axis: y}}
+  a: {{type: {}, parent: base, child: first, axis: {}}}
+  b: {{type: {}, parent: first, child: second, axis: {}}}
+  c: {{type: {}, parent: second, child: tip, axis: {}}}
+"""
+SLIDE, HINGE = "prismatic", "revolute"
+
+
+@pytest.mark.parametrize(
+    ("joints", "names", "line"),
+    [
+        ((SLIDE, "x", SLIDE, "y", SLIDE, "[1, 1, 0]"), "a, b, c", 11),
+        ((SLIDE, "x", HINGE, "y", SLIDE, "z"), "", 0),
+        ((SLIDE, "x", SLIDE, "x", SLIDE, "y"), "a, b", 10),
+        ((HINGE, "z", SLIDE, "x", HINGE, "z, at: [[0, 0.5, 0], [0, 0.5, 0]]"), "", 0),
+        ((HINGE, "z", SLIDE, "z", HINGE, "z"), "a, c", 11),
+    ],
+)
+def test_dependent_axes_of_joints_are_named(joints, names, line) -> None:
+    found = system(load_text(ROW.format(*joints)))
+    if not names:
+        equations(found, "auto")
+        return
+    with pytest.raises(AssumptionError, match=f"the axes of the joints {names} depend") as caught:
+        equations(found, "auto")
+    assert caught.value.diagnostics[0].line == line

@@ -9,7 +9,7 @@ starts at `ref`, as in MuJoCo's `qpos0`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from derive.robots.markup import Element
 from derive.robots.mjcf.inertia import Frame, Piece, explicit, fill, of_geom, together
+from derive.robots.mjcf.polynomials import NONE, of_length, of_speed, powers
 from derive.robots.mjcf.settings import Settings, completed, orientation
 from derive.robots.numbers import listing, scalar, vector, written
 from derive.robots.robot import GROUND, Body, Entry, Joint, Reading, Robot, quoted
@@ -369,25 +370,28 @@ def _said(start: float, joint: Joint) -> str:
 
 def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> None:
     """stiffness, damping, frictionloss and armature."""
-    stiffness, damping, loss, armature = (
-        scalar(reading, element, name)
-        for name in ("stiffness", "damping", "frictionloss", "armature")
-    )
+    loss, armature = (scalar(reading, element, name) for name in ("frictionloss", "armature"))
+    k, d = (powers(reading, element, name) for name in ("stiffness", "damping"))
     off = scene.settings.off
-    stiffness, damping = stiffness * ("spring" not in off), damping * ("damper" not in off)
+    k, d = NONE if "spring" in off else k, NONE if "damper" in off else d
     loss *= "frictionloss" not in off
     if joint.type in ("revolute", "prismatic"):
         rest = scalar(reading, element, "springref")
         rest = scene.settings.angle(rest) if joint.type == "revolute" else rest
         scene.rests[joint.name] = rest
-        joint.spring = (stiffness, rest) if stiffness else None
-        joint.damper, joint.coulomb, joint.armature = damping, loss, armature
+        joint.spring = (k[0], rest) if k[0] else None
+        joint.damper, joint.coulomb, joint.armature = d[0], loss, armature
+        _bent(reading, element, joint, rest, k, d, scene)
         return
-    if stiffness and joint.type == "ball":
+    if any(k[1:]) or (any(d[1:]) and joint.type == "free"):
+        which = "stiffness" if any(k[1:]) else "damping"
+        problem = f"{which} with squares or cubes in a {joint.type} joint"
+        reading.report(element, problem, "one number", attribute=which)
+    if k[0] and joint.type == "ball":
         name = reading.symbols(f"spring_{joint.name}", "load")
-        text = f"{{type: spring, joint: {joint.name}, stiffness: {written(stiffness)}}}"
+        text = f"{{type: spring, joint: {joint.name}, stiffness: {written(k[0])}}}"
         scene.robot.loads.append(Entry(name, text, element))
-    elif stiffness:
+    elif k[0]:
         reading.report(
             element,
             f"a spring in a {joint.type} joint",
@@ -397,7 +401,7 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
     rates = joint.rates()
     turning = rates[3:] if joint.type == "free" else rates  # for the rest see _carried_armatures
     kinds = (
-        ("damper", "coefficient", damping, rates),
+        ("damper", "coefficient", d[0], rates),
         ("armature", "inertia", armature, turning),
     )
     for kind, key, value, along in kinds:
@@ -405,8 +409,33 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
             name = reading.symbols(f"{kind}_{rate.replace('.', '_')}", "load")
             text = f"{{type: {kind}, velocity: {rate}, {key}: {written(value)}}}"
             scene.robot.loads.append(Entry(name, text, element))
+    for rate in rates if any(d[1:]) else ():
+        terms = of_speed([0.0, *(-x for x in d[1:])], rate, "N*m", "rad")
+        name = reading.symbols(f"damper_{rate.replace('.', '_')}", "load")
+        text = f"{{type: expression, velocity: {rate}, expression: {' + '.join(terms)}}}"
+        scene.robot.loads.append(Entry(name, text, element))
     if loss:
         scene.robot.left_out.append(f"the frictionloss of the {joint.type} joint {joint.name}")
+
+
+def _bent(
+    reading: Reading,
+    element: Element,
+    joint: Joint,
+    rest: float,
+    k: Sequence[float],
+    d: Sequence[float],
+    scene: Scene,
+) -> None:
+    """What the spring and the damper of a hinge or slide have with squares and cubes."""
+    force, unit = ("N*m", "rad") if joint.type == "revolute" else ("N", "m")
+    x = f"({joint.name} - ({written(rest)} {unit}))" if rest else joint.name
+    terms = of_length([0.0, *(-x for x in k[1:])], x, force, unit)
+    terms += of_speed([0.0, *(-x for x in d[1:])], f"der({joint.name})", force, unit)
+    if terms:
+        name = reading.symbols(f"spring_{joint.name}", "load")
+        text = f"{{type: expression, joint: {joint.name}, expression: {' + '.join(terms)}}}"
+        scene.robot.loads.append(Entry(name, text, element))
 
 
 def _gravity_compensation(reading: Reading, element: Element, body: Body, scene: Scene) -> None:

@@ -76,3 +76,8 @@ def load(
     scene.robot.loads.append(
         Entry(own, f"{{type: expression, {where}, expression: {force}}}", element)
     )
+
+
+def in_yaml(formula: str) -> str:
+    """A formula as it stands in a flow of YAML: in quotes where it has commas."""
+    return f'"{formula}"' if "," in formula else formula

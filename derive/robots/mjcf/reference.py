@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from derive.robots.markup import Element
 from derive.robots.mjcf.bodies import Inverse, Scene
+from derive.robots.mjcf.polynomials import powers
 from derive.robots.mjcf.tendons import Line
 from derive.robots.numbers import listing, scalar
 from derive.robots.robot import GROUND, Joint, Reading
@@ -81,7 +82,7 @@ def _spring(reading: Reading, joint: Joint, given: tuple[float, float], scene: S
     if "spring" not in off:
         joint.spring = (inertia / (time * ratio) ** 2, rest)
     if "damper" not in off:  # beside that of actuators
-        joint.damper += 2.0 * inertia / time - scalar(reading, joint.place, "damping")
+        joint.damper += 2.0 * inertia / time - powers(reading, joint.place, "damping")[0]
     joint.notes.append("spring and damper by the time constant and damping ratio of the file")
 
 

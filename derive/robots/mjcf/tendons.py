@@ -16,8 +16,17 @@ from math import dist
 from derive.diagnostics import listed
 from derive.robots.markup import Element
 from derive.robots.mjcf.bodies import Scene
-from derive.robots.mjcf.forces import Transmission, by_formula, coefficient, joint_of
+from derive.robots.mjcf.forces import (
+    Transmission,
+    by_formula,
+    coefficient,
+    in_yaml,
+    joint_of,
+    load,
+)
+from derive.robots.mjcf.forces import times as product_of
 from derive.robots.mjcf.laws import Law
+from derive.robots.mjcf.polynomials import NONE, of_length, of_speed, powers
 from derive.robots.mjcf.settings import completed
 from derive.robots.numbers import listing, scalar, written
 from derive.robots.robot import Entry, Reading, quoted
@@ -153,7 +162,7 @@ def pull(reading: Reading, place: Element, line: Line, name: str, force: str, sc
     for branch in line.branches:
         own = reading.symbols(f"{name}_tension", "load")
         shared = force if branch.share == 1.0 else f"{written(branch.share)}*({force})"
-        text = f"{{type: tension, path: {branch.name}, tension: {_yaml(shared)}}}"
+        text = f"{{type: tension, path: {branch.name}, tension: {in_yaml(shared)}}}"
         scene.robot.loads.append(Entry(own, text, place))
 
 
@@ -226,86 +235,102 @@ def _line(reading: Reading, tendon: Element, scene: Scene) -> Line | None:
     return Line(tendon, tuple(branches))
 
 
-def _powers(reading: Reading, tendon: Element, name: str, flag: str, scene: Scene) -> list[float]:
-    """Stiffness or damping of a tendon: factors of a length or speed, its square and its cube. They
-    are zero where the flag is off."""
-    given = listing(reading, tendon, name) or []
-    if len(given) > 3:
-        reading.report(tendon, f"{len(given)} numbers in '{name}'", "at most 3", "", name)
-    given = [*given, 0.0, 0.0, 0.0][:3]
-    return [0.0, 0.0, 0.0] if flag in scene.settings.off else given
+def _forces(reading: Reading, tendon: Element, scene: Scene) -> tuple[list[float], list[float]]:
+    """Factors of stiffness and damping. They are zero where a flag switches them off."""
+    k, d = (powers(reading, tendon, name) for name in ("stiffness", "damping"))
+    off = scene.settings.off
+    return NONE if "spring" in off else k, NONE if "damper" in off else d
 
 
 def _springs_along(reading: Reading, tendon: Element, along: Transmission, scene: Scene) -> None:
     """Of a fixed tendon, on its joints."""
-    stiffness, *bent = _powers(reading, tendon, "stiffness", "spring", scene)
-    damping, *curved = _powers(reading, tendon, "damping", "damper", scene)
-    for name, further in (("stiffness", bent), ("damping", curved)):
-        if any(further):
-            problem = f"{name} with the square or the cube of a length along joints"
-            reading.report(tendon, problem, "one number", attribute=name)
-    rest = listing(reading, tendon, "springlength") or [-1.0]
-    if stiffness and rest[0] != rest[-1]:
-        problem = "a spring that is slack over a range"
-        reading.report(tendon, problem, "one springlength", attribute="springlength")
-    start = sum(c * scene.rests.get(joint.name, 0.0) for joint, c in along)
-    law = Law((0.0,), (stiffness * (start if rest[0] == -1.0 else rest[0]), -stiffness, -damping))
+    k, d = _forces(reading, tendon, scene)
+    shortest, longest = _given_rests(reading, tendon)
+    if shortest == -1.0:
+        shortest = longest = sum(c * scene.rests.get(joint.name, 0.0) for joint, c in along)
+    name = tendon.get("name") or "tendon"
+    if any(k[1:]) or any(d[1:]) or (any(k) and shortest != longest):
+        length = _number_of(along, "{}", "rad", "m")
+        speed = _number_of(along, "der({})", "rad/s", "m/s")
+        for joint, c in along:
+            unit = "N*m" if joint.type == "revolute" else "N"
+            terms = _spring([-c * x for x in k], length, (shortest, longest), (unit, ""))
+            terms += of_speed([-c * x for x in d], f"({speed})", unit, "")
+            if terms:
+                force = in_yaml(" + ".join(terms))
+                load(reading, tendon, name, f"joint: {joint.name}", force, scene)
+        return
+    law = Law((0.0,), (k[0] * longest, -k[0], -d[0]))
     if any(law.bias):
-        by_formula(reading, tendon, tendon.get("name") or "tendon", law, along, "", scene)
+        by_formula(reading, tendon, name, law, along, "", scene)
+
+
+def _number_of(along: Transmission, shape: str, angular: str, linear: str) -> str:
+    """Σ cᵢ qᵢ, or its rate, as a number: joints of both kinds can stand in it."""
+    return " + ".join(
+        product_of(coefficient(c, ""), shape.format(joint.name))
+        + f"/(1 {angular if joint.type == 'revolute' else linear})"
+        for joint, c in along
+    )
 
 
 def _springs(reading: Reading, line: Line, scene: Scene) -> None:
-    """Of a spatial tendon, in its branches: k₁ x + k₂ x² + k₃ x³ + d₁ ẋ + d₂ |ẋ| ẋ + d₃ ẋ³ pulls
-    where the spring is longer by x than at rest."""
+    """Of a spatial tendon, in its branches."""
     tendon = line.place
-    k = _powers(reading, tendon, "stiffness", "spring", scene)
-    d = _powers(reading, tendon, "damping", "damper", scene)
+    k, d = _forces(reading, tendon, scene)
     terms: list[str] = []
     if any(k):
-        shortest, longest = _rests(reading, line, scene)
-        length = line.length(scene)
-        if shortest == longest:
-            terms += _polynomial(k, f"({length} - {written(longest)} m)")
-        else:
-            terms += _polynomial(k, f"max(0 m, {length} - {written(longest)} m)")
-            shorter = f"max(0 m, {written(shortest)} m - {_bracketed(length)})"
-            terms += _polynomial([-k[0], k[1], -k[2]], shorter) if shortest > 0.0 else []
+        terms += _spring(k, line.length(scene), _rests(reading, line, scene), ("N", "m"))
     if any(d):
-        speed = _bracketed(line.speed(scene))
-        terms += [f"({written(d[0])} N*s/m)*{speed}"] if d[0] else []
-        terms += [f"({written(d[1])} N*s^2/m^2)*abs({speed})*{speed}"] if d[1] else []
-        terms += [f"({written(d[2])} N*s^3/m^3)*{speed}^3"] if d[2] else []
+        terms += of_speed(d, _bracketed(line.speed(scene)), "N", "m")
     if terms:
         name = f"{tendon.get('name') or 'tendon'}_spring"
         pull(reading, tendon, line, name, " + ".join(terms), scene)
 
 
-def _polynomial(k: Sequence[float], x: str) -> list[str]:
-    """k₁ x + k₂ x² + k₃ x³ of a length x."""
-    return [
-        f"({written(factor)} N/m{'' if n == 1 else f'^{n}'})*{x}{'' if n == 1 else f'^{n}'}"
-        for n, factor in enumerate(k, 1)
-        if factor
-    ]
+def _spring(
+    k: Sequence[float], length: str, rests: tuple[float, float], units: tuple[str, str]
+) -> list[str]:
+    """What a spring pulls that is slack between two lengths; `units` are those of force and
+    length."""
+    (shortest, longest), (force, unit) = rests, units
+    own = f" {unit}" if unit else ""
+    low, high = (f"{written(rest)}{own}" for rest in rests)
+    if shortest == longest:
+        return of_length(k, f"({length} - {_in_brackets(high)})", force, unit)
+    longer = f"max(0{own}, {length} - {_in_brackets(high)})"
+    shorter = f"max(0{own}, {low} - {_bracketed(length)})"
+    within = unit and shortest <= 0.0  # a path is never shorter than nothing
+    return of_length(k, longer, force, unit) + (
+        [] if within else of_length([-k[0], k[1], -k[2]], shorter, force, unit)
+    )
+
+
+def _in_brackets(number: str) -> str:
+    return f"({number})" if number.startswith("-") else number
 
 
 def _rests(reading: Reading, line: Line, scene: Scene) -> tuple[float, float]:
     """The lengths between which the spring is slack. One that says nothing is at rest where the
     springs of joints are, which is read where that is the reference configuration."""
-    given = listing(reading, line.place, "springlength") or [-1.0]
-    if len(given) > 2 or given[-1] < given[0]:
-        problem = "the springlength of a tendon"
-        reading.report(
-            line.place, problem, "one length, or a shorter and a longer", "", "springlength"
-        )
-    if given[0] != -1.0:
-        return given[0], given[-1]
+    shortest, longest = _given_rests(reading, line.place)
+    if shortest != -1.0:
+        return shortest, longest
     moved = [name for name, rest in scene.rests.items() if rest != scene.references.get(name, 0.0)]
     if moved:
         problem = f"the length at rest of a tendon where joints rest elsewhere ({moved[0]})"
         reading.report(line.place, problem, 'springlength="…"')
     length = line.reference(scene)
     return length, length
+
+
+def _given_rests(reading: Reading, tendon: Element) -> tuple[float, float]:
+    """The lengths between which a spring is slack; −1 where the joints say them."""
+    given = listing(reading, tendon, "springlength") or [-1.0]
+    if len(given) > 2 or given[-1] < given[0]:
+        problem = "the springlength of a tendon"
+        reading.report(tendon, problem, "one length, or a shorter and a longer", "", "springlength")
+    return given[0], given[-1]
 
 
 def _waypoint(body: str, at: Vector) -> str:
@@ -319,8 +344,3 @@ def _sum(terms: Iterable[tuple[float, str]]) -> str:
 
 def _bracketed(formula: str) -> str:
     return f"({formula})" if " + " in formula else formula
-
-
-def _yaml(formula: str) -> str:
-    """A formula as it stands in a flow of YAML: in quotes where it has commas."""
-    return f'"{formula}"' if "," in formula else formula

@@ -3,7 +3,7 @@
 Accelerations, gaps and their gradients are MuJoCo's own (4.0.0, `mj_forward`: qacc_smooth, efc_pos,
 efc_J).
 
-Of derive.robots.mjcf: tendons, forces.
+Of derive.robots.mjcf: tendons, forces, polynomials.
 """
 
 from __future__ import annotations
@@ -119,6 +119,58 @@ def test_stiffness_and_damping_are_polynomials_as_in_mujoco(tmp_path, given, q, 
     assert found[1] == pytest.approx(wanted, abs=1e-12)
 
 
+BENT = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
+  <body><joint name="j" {}/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
+  </worldbody><tendon><fixed name="t" {}><joint joint="j" coef="2"/></fixed></tendon></mujoco>"""
+BENDING, SLOWING = 'stiffness="2 0.5 0.7"', 'damping="0.1 0.02 0.003"'
+
+
+@pytest.mark.parametrize(
+    ("joint", "tendon", "q", "v", "wanted"),
+    [
+        (f'{BENDING} springref="0.1"', "", 0.5, 0.0, -0.9248),
+        (f'{BENDING} springref="0.1"', "", -0.5, 0.0, 1.1712),
+        ('stiffness="0 2 3" type="slide"', "", 0.5, 0.0, -0.875),
+        (SLOWING, "", 0.0, 0.5, -0.055375),
+        (SLOWING, "", 0.0, -0.5, 0.055375),
+        ("", f'{BENDING} springlength="0.1"', 0.5, 0.0, -5.4306),
+        ("", f'{BENDING} springlength="0.1"', -0.5, 0.0, 5.0534),
+        ("", f'{BENDING} springlength="0 0.1"', 0.5, 0.0, -5.4306),
+        ("", f'{BENDING} springlength="0 0.1"', 0.02, 0.0, 0.0),
+        ("", f'{BENDING} springlength="0 0.1"', -0.5, 0.0, 4.4),
+        ("", 'stiffness="2" springlength="-0.2 0.1"', -0.05, 0.0, 0.0),
+        ("", 'stiffness="2" springlength="-0.2 0.1"', -0.5, 0.0, 3.2),
+        ("", SLOWING, 0.0, 0.5, -0.246),
+        ("", SLOWING, 0.0, -0.5, 0.246),
+    ],
+)
+def test_springs_and_dampers_of_joints_are_polynomials_too(tmp_path, joint, tendon, q, v, wanted):
+    """Those of a fixed tendon may be slack over a range. Forces are MuJoCo's `qfrc_passive`."""
+    mechanics = derived(tmp_path, BENT.format(joint, tendon))
+    found = np.ravel(mechanics("dynamics", 0.0, [q, v], [], []))
+    assert found[1] == pytest.approx(wanted, abs=1e-12)
+
+
+def test_dampers_of_ball_joints_are_polynomials_of_each_rate(tmp_path):
+    mechanics = derived(
+        tmp_path, BENT[: BENT.index("<tendon")].format(SLOWING + ' type="ball"') + "</mujoco>"
+    )
+    found = np.ravel(mechanics("dynamics", 0.0, [1, 0, 0, 0, 0.5, -0.6, 0.7], [], []))
+    np.testing.assert_allclose(found[4:], [-0.055375, 0.067848, -0.080829], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("joint", "why"),
+    [
+        (f'type="ball" {BENDING}', "stiffness with squares or cubes in a ball joint"),
+        (f'type="free" {SLOWING}', "damping with squares or cubes in a free joint"),
+    ],
+)
+def test_what_is_not_read_of_polynomials_is_said(tmp_path, joint, why):
+    with pytest.raises(ModelError, match=why):
+        derived(tmp_path, BENT[: BENT.index("<tendon")].format(joint) + "</mujoco>")
+
+
 @pytest.mark.parametrize(
     ("equality", "gap", "row"),
     [
@@ -185,8 +237,8 @@ def test_only_what_acts_is_written(tmp_path):
         ('<site site="low"/><site site="c"/>', '<site site="law"/>', "did you mean 'low'?"),
         (
             '<spatial name="cable">',
-            '<fixed name="f" stiffness="1 2"><joint joint="rail"/></fixed><spatial name="cable">',
-            "stiffness with the square or the cube of a length along joints",
+            '<fixed name="f" stiffness="1 2 3 4"><joint joint="rail"/></fixed><spatial name="cable">',
+            "4 numbers in 'stiffness'",
         ),
         ('springlength="0.4 1.1"', 'springlength="1.1 0.4"', "the springlength"),
         ('springlength="0.4 1.1"', 'springlength="1 2 3"', "the springlength"),

@@ -374,6 +374,8 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
     k, d = (powers(reading, element, name) for name in ("stiffness", "damping"))
     off = scene.settings.off
     k, d = NONE if "spring" in off else k, NONE if "damper" in off else d
+    if by_time(reading, element):
+        k, d = [0.0, *k[1:]], [0.0, *d[1:]]
     loss *= "frictionloss" not in off
     if joint.type in ("revolute", "prismatic"):
         rest = scalar(reading, element, "springref")
@@ -388,9 +390,7 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
         problem = f"{which} with squares or cubes in a {joint.type} joint"
         reading.report(element, problem, "one number", attribute=which)
     if k[0] and joint.type == "ball":
-        name = reading.symbols(f"spring_{joint.name}", "load")
-        text = f"{{type: spring, joint: {joint.name}, stiffness: {written(k[0])}}}"
-        scene.robot.loads.append(Entry(name, text, element))
+        ball_spring(reading, joint, k[0], scene)
     elif k[0]:
         reading.report(
             element,
@@ -400,15 +400,8 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
         )
     rates = joint.rates()
     turning = rates[3:] if joint.type == "free" else rates  # for the rest see _carried_armatures
-    kinds = (
-        ("damper", "coefficient", d[0], rates),
-        ("armature", "inertia", armature, turning),
-    )
-    for kind, key, value, along in kinds:
-        for rate in along if value else ():
-            name = reading.symbols(f"{kind}_{rate.replace('.', '_')}", "load")
-            text = f"{{type: {kind}, velocity: {rate}, {key}: {written(value)}}}"
-            scene.robot.loads.append(Entry(name, text, element))
+    on_rates(reading, joint, "damper", d[0], rates, scene)
+    on_rates(reading, joint, "armature", armature, turning, scene)
     for rate in rates if any(d[1:]) else ():
         terms = of_speed([0.0, *(-x for x in d[1:])], rate, "N*m", "rad")
         name = reading.symbols(f"damper_{rate.replace('.', '_')}", "load")
@@ -416,6 +409,30 @@ def _forces(reading: Reading, element: Element, joint: Joint, scene: Scene) -> N
         scene.robot.loads.append(Entry(name, text, element))
     if loss:
         scene.robot.left_out.append(f"the frictionloss of the {joint.type} joint {joint.name}")
+
+
+def by_time(reading: Reading, element: Element) -> tuple[float, float] | None:
+    """Time constant and damping ratio that say the spring and the damper of a joint."""
+    given = listing(reading, element, "springdamper", 2)
+    return (given[0], given[1]) if given and min(given) > 0.0 else None
+
+
+def ball_spring(reading: Reading, joint: Joint, stiffness: float, scene: Scene) -> None:
+    """A spring in a ball joint, as a load."""
+    name = reading.symbols(f"spring_{joint.name}", "load")
+    text = f"{{type: spring, joint: {joint.name}, stiffness: {written(stiffness)}}}"
+    scene.robot.loads.append(Entry(name, text, joint.place))
+
+
+def on_rates(
+    reading: Reading, joint: Joint, kind: str, value: float, rates: Sequence[str], scene: Scene
+) -> None:
+    """A damper or armature along every one of the rates."""
+    key = "coefficient" if kind == "damper" else "inertia"
+    for rate in rates if value else ():
+        name = reading.symbols(f"{kind}_{rate.replace('.', '_')}", "load")
+        text = f"{{type: {kind}, velocity: {rate}, {key}: {written(value)}}}"
+        scene.robot.loads.append(Entry(name, text, joint.place))
 
 
 def _bent(

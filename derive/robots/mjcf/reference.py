@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from derive.robots.markup import Element
-from derive.robots.mjcf.bodies import Inverse, Scene
-from derive.robots.mjcf.polynomials import powers
+from derive.robots.mjcf.bodies import Inverse, Scene, ball_spring, by_time, on_rates
 from derive.robots.mjcf.tendons import Line
-from derive.robots.numbers import listing, scalar
-from derive.robots.robot import GROUND, Joint, Reading
+from derive.robots.numbers import scalar
+from derive.robots.robot import GROUND, ONE_RATE, Joint, Reading
 
 Array = NDArray[np.float64]
 MOST_RATES = 3_000  # of which a mass matrix is inverted
@@ -61,29 +60,47 @@ def _carried(c: Array, inverse: Inverse) -> float:
 
 
 def springs_by_time(reading: Reading, scene: Scene) -> None:
-    """Stiffness and damping of every hinge and slide with a `springdamper` T, ζ: with m = 1/(M⁻¹)ᵢᵢ
-    they are m/(T ζ)² and 2 m/T, whatever else the joint says."""
+    """Stiffness and damping of every hinge, slide and ball joint with a `springdamper` T, ζ: they
+    are m/(T ζ)² and 2 m/T, whatever else the joint says, with m the inverse of the mean of its
+    (M⁻¹)ᵢᵢ."""
     for joint in scene.robot.joints:
-        given = listing(reading, joint.place, "springdamper", 2)
-        if not given or min(given) <= 0.0:
+        given = by_time(reading, joint.place)
+        if not given:
             continue
-        if joint.type in ("revolute", "prismatic"):
-            _spring(reading, joint, (given[0], given[1]), scene)
+        if joint.type in (*ONE_RATE, "ball"):
+            _spring(reading, joint, given, scene)
         else:
             problem, attribute = f"a spring in a {joint.type} joint", "springdamper"
-            reading.report(joint.place, problem, "springs in hinges and slides", "", attribute)
+            expected = "springs in hinges, slides and ball joints"
+            reading.report(joint.place, problem, expected, "", attribute)
 
 
 def _spring(reading: Reading, joint: Joint, given: tuple[float, float], scene: Scene) -> None:
     (time, ratio), off = given, scene.settings.off
-    inertia = felt_inertia(reading, joint.place, [(joint, 1.0)], scene)
+    inertia = _felt_in(reading, joint, scene)
+    stiffness = inertia / (time * ratio) ** 2 * ("spring" not in off)
+    damping = 2.0 * inertia / time * ("damper" not in off)
+    note = "spring and damper by the time constant and damping ratio of the file"
+    joint.notes.append(note)
+    if joint.type == "ball":
+        if stiffness:
+            ball_spring(reading, joint, stiffness, scene)
+        on_rates(reading, joint, "damper", damping, joint.rates(), scene)
+        return
     rest = scalar(reading, joint.place, "springref")
     rest = scene.settings.angle(rest) if joint.type == "revolute" else rest
-    if "spring" not in off:
-        joint.spring = (inertia / (time * ratio) ** 2, rest)
-    if "damper" not in off:  # beside that of actuators
-        joint.damper += 2.0 * inertia / time - powers(reading, joint.place, "damping")[0]
-    joint.notes.append("spring and damper by the time constant and damping ratio of the file")
+    joint.spring = (stiffness, rest) if stiffness else None
+    joint.damper += damping  # beside that of actuators
+
+
+def _felt_in(reading: Reading, joint: Joint, scene: Scene) -> float:
+    """What a force in a joint has to accelerate, its rates on an average."""
+    inverse = _inverse(reading, joint.place, scene)
+    if not inverse.starts:
+        return 0.0
+    start = inverse.starts[joint.name]
+    mobility = float(np.mean(np.diag(inverse.matrix)[start : start + len(joint.rates())]))
+    return 1.0 / mobility if mobility > 0.0 else 0.0
 
 
 def _inverse(reading: Reading, place: Element, scene: Scene) -> Inverse:

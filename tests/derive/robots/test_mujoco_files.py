@@ -98,11 +98,26 @@ def test_springs_by_time_constant_and_ratio(tmp_path):
         tmp_path, ARM.format(spring='springdamper="0.05 0.6" damping="9"', actuator=motor)
     )
     assert f"damper: {2.0 * inertia / 0.05 + 2.0:.9g}"[:-2] in driven.text
-    with pytest.raises(ModelError, match="a spring in a ball joint"):
-        read(tmp_path, ARM.format(spring="", actuator="").replace('"ball"', BALL))
+    free = ARM.format(spring="", actuator="").replace('"ball"', '"free" springdamper="1 1"')
+    with pytest.raises(ModelError, match="a spring in a free joint"):
+        read(tmp_path, free)
 
 
-BALL = '"ball" springdamper="1 1"'
+def test_a_spring_of_a_ball_joint_by_its_time_constant(tmp_path):
+    """Of the mean inertia that the joint's rates have at the reference configuration: MuJoCo's
+    dof_invweight0, and its qacc."""
+    text = """<mujoco><option gravity="0 0 0"/><worldbody><body>
+      <joint axis="0 1 0"/><inertial pos="0.3 0 0" mass="2" diaginertia="0.1 0.2 0.25"/>
+      <body pos="0.3 0 0"><joint type="ball" springdamper="0.2 0.7" stiffness="5" damping="9 0.1"
+        armature="0.05"/><inertial pos="0.1 0.2 0.3" mass="1" diaginertia="0.1 0.12 0.05"/>
+      </body></body></worldbody></mujoco>"""
+    mechanics = evaluator(equations(system(read(tmp_path, text).model)))
+    q, v = [0.3, 0.8, 0.6, 0.0, 0.0], [0.1, 0.2, 0.3, -0.4]
+    rates = np.ravel(mechanics("dynamics", 0.0, np.array([*q, *v]), np.zeros(0), np.zeros(0)))
+    wanted = [7.9181408118, -45.9178902382, -9.2022136663, -0.6144196872]
+    assert np.allclose(rates[5:], wanted, rtol=1e-9)
+
+
 SCENE = """<mujoco>
   <compiler angle="radian" eulerseq="XYZ"/>
   <worldbody>{}</worldbody>

@@ -69,11 +69,11 @@ def _transmitted(
         if (joint := joint_of(reading, actuator, attribute, scene)) is not None:
             _at_joint(reading, actuator, law, gear, joint, scene)
     else:
-        reading.report(
-            actuator,
-            f"a <{actuator.tag}> that drives no joint, tendon or site",
-            "joint, tendon or site",
-        )
+        crank = "cranksite" in actuator.attributes or "slidersite" in actuator.attributes
+        through = "drives a slider-crank" if crank else "drives no joint, tendon or site"
+        hint = "bodies and an equality can stand for crank and slider" if crank else ""
+        expected = "joint, tendon or site"
+        reading.report(actuator, f"a <{actuator.tag}> that {through}", expected, hint)
 
 
 def _at_tendon(

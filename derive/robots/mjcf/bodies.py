@@ -162,12 +162,9 @@ def _content(
         elif child.tag in HARMLESS:
             yield child, frame, owner
         else:
-            reading.report(
-                child,
-                f"<{child.tag}> in a body",
-                ", ".join(HARMLESS),
-                "rigid bodies and joints can be imported",
-            )
+            flat = "let MuJoCo write the model out in one first: mj_saveLastXML"
+            hint = flat if child.tag == "attach" else "rigid bodies and joints can be imported"
+            reading.report(child, f"<{child.tag}> in a body", ", ".join(HARMLESS), hint)
 
 
 def _below(

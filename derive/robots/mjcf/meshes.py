@@ -148,6 +148,10 @@ def _place(reading: Reading, mesh: Element, found: Settings) -> Path | None:
 
 def _written_out(reading: Reading, mesh: Element) -> Array | None:
     corners, faces = listing(reading, mesh, "vertex"), listing(reading, mesh, "face")
+    if corners and not mesh.get("face").split():
+        problem = "a mesh without faces needs its convex hull, which is not made"
+        reading.report(mesh, problem, 'face="…"', HINT, "vertex")
+        return None
     if not corners or not faces or len(corners) % 3 or len(faces) % 3:
         expected = "three numbers for each vertex, and three for each face"
         reading.report(mesh, "the vertices and faces of a mesh", expected, HINT)

@@ -1024,6 +1024,11 @@ BAD = {
     "an unknown class": (ONE_BODY.format('<geom size="1" class="c"/>', ""), ["unknown class 'c'"]),
     "no bodies": ("<mujoco><worldbody/></mujoco>", ["the file has no bodies"]),
     "flexible bodies": (ONE_BODY.format('<flexcomp name="f"/>', ""), ["<flexcomp> in a body"]),
+    "attached models": (ONE_BODY.format('<attach model="c"/>', ""), ["mj_saveLastXML"]),
+    "a slider-crank": (
+        ONE_BODY.format("", '<actuator><motor cranksite="c" slidersite="s"/></actuator>'),
+        ["a <motor> that drives a slider-crank"],
+    ),
     "global coordinates": (
         '<mujoco><compiler coordinate="global"/></mujoco>',
         ["global coordinates"],

@@ -130,6 +130,7 @@ def test_places_scales_and_given_masses(tmp_path: Path) -> None:
         ('file="../m.stl"', "is outside the model's folder"),
         ("", "a mesh of no file"),
         (inline('inertia="convex"'), "the inertia 'convex' of a mesh"),
+        ('vertex="0 0 0 1 0 0 0 1 0 0 0 1"', "a mesh without faces needs its convex hull"),
         ('vertex="0 0 0 1 0 0 0 1 0" face="0 1 9"', "a face of a vertex that is not there"),
         ('vertex="0 0 0 1 0 0 0 1 0" face="0 1 2" inertia="exact"', "encloses nothing"),
         (inline('scale="1 1 -1" inertia="exact"').replace("-1", "nan"), "'nan' in 'scale'"),

@@ -73,7 +73,7 @@ def _is_off(flag: str, section: str, root: Element, scene: Scene) -> bool:
     off = flag in scene.settings.off
     count = sum(len(one.children) for one in root.all(section))
     if off and count:
-        scene.robot.changed.append(f"switched off by a <flag>: <{section}>, {count} of them")
+        scene.robot.assumed.append(f"switched off by a <flag>: <{section}>, {count} of them")
     return off
 
 
@@ -104,7 +104,7 @@ def _notes(reading: Reading, root: Element, scene: Scene) -> None:
         result.left_out.append(f"the ranges of the forces of actuators at {names}")
     if scene.unaligned:
         names = listed(scene.unaligned)
-        result.changed.append(
+        result.assumed.append(
             f"coordinates of {names} are those of the body's own frame, not its inertia's (align)"
         )
     massless = sum(1 for body in result.bodies if not body.mass)

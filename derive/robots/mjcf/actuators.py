@@ -45,7 +45,7 @@ def actuators(reading: Reading, root: Element, known: Tendons, scene: Scene) -> 
             clamped += any(name in actuator.attributes for name in CLAMPS)
     of = partial(counted, one="actuator")
     if off:
-        scene.robot.changed.append(f"{of(off)} of groups that are switched off: not read")
+        scene.robot.assumed.append(f"{of(off)} of groups that are switched off: not read")
     if early:
         scene.robot.left_out.append(f"actearly, a step's advance of the force, of {of(early)}")
     if late:

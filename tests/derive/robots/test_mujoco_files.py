@@ -241,6 +241,7 @@ def test_what_is_not_read_of_actuators_and_free_joints_is_said(tmp_path):
         "coordinates of own are those of the body's own frame",
     ):
         assert words in found.text
+        assert any(words.removeprefix("LEFT OUT: ") in note for note in found.model.notes)
 
 
 def test_the_armature_of_a_free_joint_is_felt_along_the_ground(tmp_path):

@@ -103,9 +103,10 @@ def _difference(system: System) -> Function:
             columns, _rotation_vector(_part(system.q, quaternion), _part(other, quaternion))
         ):
             d[column] = value
+    steps = other - system.q
     for rows, columns in _blocks(system):
         inverse, _ = small_inverse(scalars(system.N[rows, columns]))
-        step = _part(other - system.q, rows)
+        step = _part(steps, rows)
         for column, line in zip(columns, inverse):
             d[column] = dot(line, step)
     about = "q₁ ⊖ q₀: the displacement over v from q₀ to q₁, from (q₀, q₁)"

@@ -22,12 +22,12 @@ def kinks(system: System) -> tuple[ca.SX, ...]:
     or of prescribed motions. Of one term with several thresholds a single function: it changes its
     sign at each of them. Of the time alone there are two, so that neighbours, which may be near
     each other, do not hide one another within one step."""
-    others = (system.q, system.v, system.z, system.u)
-    moving = ca.vertcat(system.t, *others)
+    others = _symbols(ca.vertcat(system.q, system.v, system.z, system.u))
+    moving = others | _symbols(system.t)
     thresholds: dict[int, tuple[ca.SX, set[float]]] = {}
     result: list[ca.SX] = []
     for value, other in _sides(_terms(system)):
-        if not ca.depends_on(value - other, moving):
+        if moving.isdisjoint(_symbols(value - other)):
             continue
         if not other.is_constant():
             result.append(value - other)
@@ -35,7 +35,7 @@ def kinks(system: System) -> tuple[ca.SX, ...]:
             term, place = reduced
             thresholds.setdefault(term.element_hash(), (term, set()))[1].add(place)
     for term, places in thresholds.values():
-        ordered, timed = sorted(places), not ca.depends_on(term, ca.vertcat(*others))
+        ordered, timed = sorted(places), others.isdisjoint(_symbols(term))
         parts = [ordered[::2], ordered[1::2]] if timed else [ordered]
         result += [_alternating(term, part) for part in parts if part]
     return tuple(_without_twins(result))
@@ -106,17 +106,21 @@ def _alternating(term: ca.SX, places: list[float]) -> ca.SX:
     return result
 
 
-def _without_twins(found: list[ca.SX]) -> Iterator[ca.SX]:
-    """Of functions that differ in their sign alone the first."""
-    seen: list[ca.SX] = []
-    for one in found:
-        if not any(_equal(one, other) or _equal(-one, other) for other in seen):
-            seen.append(one)
-            yield one
+def _symbols(term: ca.SX) -> frozenset[int]:
+    """What a term is made of. Looking for some of it among all coordinates of a large system, as
+    `depends_on` does, takes as long as the system is large."""
+    return frozenset(symbol.element_hash() for symbol in ca.symvar(term))
 
 
 DEPTH = 6  # in which two terms are compared: more only finds more twins
 
 
-def _equal(one: ca.SX, other: ca.SX) -> bool:
-    return bool(ca.is_equal(ca.simplify(one), ca.simplify(other), DEPTH))
+def _without_twins(found: list[ca.SX]) -> Iterator[ca.SX]:
+    """Of functions that differ in their sign alone the first. Twins are of the same symbols."""
+    seen: dict[frozenset[int], list[ca.SX]] = {}
+    for one in found:
+        alike = seen.setdefault(_symbols(one), [])
+        signs = [ca.simplify(one), ca.simplify(-one)]
+        if not any(ca.is_equal(sign, other, DEPTH) for other in alike for sign in signs):
+            alike.append(signs[0])
+            yield one

@@ -6,7 +6,7 @@ columns), then the friction and rotors that the file has.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -86,20 +86,20 @@ def parameters(system: System) -> tuple[Parameter, ...]:
         for group in groups(system)
         for k in places
     ]
-    return (*inertial, *(x for load in system.model.loads for x in _coefficients(system, load)))
+    turning = {v.name for v in system.model.velocities if v.unit.startswith("rad")}
+    loads = system.model.loads
+    return (*inertial, *(x for load in loads for x in _coefficients(system, load, turning)))
 
 
-def _coefficients(system: System, load: Load) -> Iterator[Parameter]:
+def _coefficients(system: System, load: Load, turning: Container[str]) -> Iterator[Parameter]:
     for key in _keys(system, load):
         name = f"{load.name}_{key}" if len(COEFFICIENTS[type(load)]) > 1 else load.name
-        yield Parameter(name, _unit(system, load, key), load.name, key)
+        yield Parameter(name, _unit(load, key, turning), load.name, key)
 
 
-def _unit(system: System, load: Load, key: str) -> str:
-    velocity = getattr(load, "velocity", "")
-    turns = any(v.name == velocity and v.unit.startswith("rad") for v in system.model.velocities)
+def _unit(load: Load, key: str, turning: Container[str]) -> str:
     units = {"coulomb": ("N", "N*m"), "inertia": ("kg", "kg*m^2")}
-    return units.get(key, ("N*s/m", "N*m*s"))[turns]
+    return units.get(key, ("N*s/m", "N*m*s"))[getattr(load, "velocity", "") in turning]
 
 
 def parameter_values(system: System) -> ca.SX:
@@ -130,12 +130,14 @@ def _has_dry_friction(load: Load) -> bool:
 def _is_linear(system: System, load: Load) -> bool:
     """Whether its coefficients are parameters: formulas of the motion are none."""
     keys = COEFFICIENTS.get(type(load), ())
+    values = (ca.SX(_value(system, load, key)) for key in keys)
+    return bool(keys) and not any(_moves(value, system) for value in values)
+
+
+def _moves(value: ca.SX, system: System) -> bool:
+    if value.is_constant():
+        return False  # of most loads, and a look at all coordinates takes its time
     motion = ca.vertcat(system.t, system.q, system.v, system.u)
-    values = [ca.SX(_value(system, load, key)) for key in keys]
-    return bool(keys) and not any(_moves(value, motion, system) for value in values)
-
-
-def _moves(value: ca.SX, motion: ca.SX, system: System) -> bool:
     return bool(ca.depends_on(value, motion)) or bool(ca.depends_on(value, system.symbols.qd))
 
 

@@ -95,6 +95,8 @@ class Recurrences:
             # a comparison or a whole number is the same all along a step, as long as no piece ends
             if operation not in FLAT:
                 self._rule(operation)(self, name, *operands)
+        elif operation in ("sin", "cos"):  # they are written together, of a parameter too
+            self._partner(operation, operands[0])
         return name
 
     def _rule(self, operation: str) -> Callable[..., None]:
@@ -199,11 +201,14 @@ class Recurrences:
         """z' = a'/(1 + a)."""
         self.integral(name, self.put("div", 1.0, self.put("add", 1.0, a)), a)
 
+    def _partner(self, operation: str, a: Expression) -> str:
+        partner = _PARTNERS[operation]
+        self._places[partner, a] = other = self.begin((partner, a))
+        return other
+
     def _pair(self, name: str, operation: str, a: Expression) -> None:
         """Sine and cosine, hyperbolic or not: each is the slope of the other, or minus that."""
-        partner = _PARTNERS[operation]
-        other = self.begin((partner, a))
-        self._places[partner, a] = other
+        other = self._partner(operation, a)
         sine, cosine = (name, other) if operation.startswith("sin") else (other, name)
         self.integral(sine, cosine, a)
         self.integral(cosine, sine, a, 1 if operation.endswith("h") else -1)

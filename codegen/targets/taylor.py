@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -53,6 +53,12 @@ class _Style:
     turn: tuple[str, ...]  # lines for a sine and a cosine
     language: text.Language
     shared: bool  # is a series that several slots take kept once? Vectors need not lie in a row
+
+    def whole(self, value: Expression, numbers: Set[str]) -> str:
+        """As it is taken where only what differs between lanes will do: a function's argument, an
+        entry, a comparison."""
+        form = self.number if names_in(value) <= numbers else "{}"
+        return form.format(text.expression(value, self.language))
 
 
 def files(program: Program) -> dict[str, str]:
@@ -126,7 +132,8 @@ def _body(program: Program, suffix: str, style: _Style) -> Body:
         for load in coefficients.loads
         if load.argument != "t"
     ]
-    start = list(_start(style, coefficients.start))
+    numbers = _numbers(coefficients.start)
+    start = list(_start(style, coefficients.start, numbers))
     used = {load.argument for load in coefficients.loads}
     line = WIDEST * 8 // program.real.bits
     lines = max(1, -(-len(coefficients.slots) // line))
@@ -141,10 +148,10 @@ def _body(program: Program, suffix: str, style: _Style) -> Body:
         loads=tuple(loads),
         start=tuple(start),
         guards=tuple(
-            (_value(g.value), text.number(g.tolerance), text.comment(g.name))
+            (style.whole(g.value, numbers), text.number(g.tolerance), text.comment(g.name))
             for g in coefficients.guards
         ),
-        first=tuple(_first(coefficients, style)),
+        first=tuple(_first(coefficients, style, numbers)),
         step=tuple(order.lines()),
         unused=tuple(name for name in "tupc" if name not in used),
         inputs=len(program.argument("u").names) if coefficients.inputs else 0,
@@ -165,34 +172,41 @@ def _is_turn(statement: Statement) -> bool:
     return isinstance(statement.value, tuple) and statement.value[0] in ("sin", "cos")
 
 
-def _start(style: _Style, statements: Sequence[Statement]) -> Iterator[str]:
-    """Values at the start of a step; a sine comes with its cosine. What is made of numbers alone is
-    the same in all lanes."""
+def _numbers(statements: Sequence[Statement]) -> set[str]:
+    """Values that are made of numbers alone, which are the same in all lanes; sines come as what
+    others are."""
     numbers: set[str] = set()
+    for statement in statements:
+        if names_in(statement.value) <= numbers and not _is_turn(statement):
+            numbers.add(statement.name)
+    return numbers
+
+
+def _start(style: _Style, statements: Sequence[Statement], numbers: Set[str]) -> Iterator[str]:
+    """Values at the start of a step; a sine comes with its cosine."""
     k = 0
     while k < len(statements):
         statement = statements[k]
         if isinstance(statement.value, tuple) and _is_turn(statement):
             pair = {s.value[0]: s.name for s in statements[k : k + 2] if isinstance(s.value, tuple)}
-            angle, sin, cos = _value(statement.value[1]), pair["sin"], pair["cos"]
+            angle = style.whole(statement.value[1], numbers)
+            sin, cos = pair["sin"], pair["cos"]
             yield from (line.format(angle=angle, sin=sin, cos=cos) for line in style.turn)
             k += 2
         else:
-            same = names_in(statement.value) <= numbers
-            numbers |= {statement.name} if same else set()
-            value = _value(statement.value, style.language)
+            same = statement.name in numbers
+            value = _value(statement.value, text.C if same else style.language)
             yield f"const {'double' if same else style.real} {statement.name} = {value};"
             k += 1
 
 
-def _first(made: Series, style: _Style) -> Iterator[str]:
+def _first(made: Series, style: _Style, numbers: Set[str]) -> Iterator[str]:
     """Order 0."""
     for k, slot in enumerate(() if style.shared else made.slots):
         left = style.zero if slot.weighted else slot.left
         yield f"L[{k}] = {left}, R[{k}] = {slot.right};"
     for i, (rate, _) in enumerate(made.rates):
-        form = style.number if isinstance(rate, float) else "{}"
-        yield f"out[ROW + {i}] = {form.format(_value(rate, style.language))};"
+        yield f"out[ROW + {i}] = {style.whole(rate, numbers)};"
 
 
 class _Order:

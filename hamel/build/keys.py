@@ -73,6 +73,15 @@ def processor() -> str:
         return digest(compiler_stamp(command), repr(compiler.probe(tuple(command))))
 
 
+# What a compiler says of a line of the code, and what it says of itself.
+LINE = re.compile(r"\.[ch]:[\d:]+ error:")
+OTHER = "CC names another compiler; -v shows all that this one said"
+REFUSED = (
+    "this may be hamel's fault rather than the compiler's: please report it with the model; "
+    f"another --integrator or --choice is other code; {OTHER}"
+)
+
+
 @contextlib.contextmanager
 def compiler_errors() -> Iterator[None]:
     """What a compiler says, and a full disk, as ToolchainError with what to do about it."""
@@ -82,7 +91,7 @@ def compiler_errors() -> Iterator[None]:
         LOG.debug("%s", error.said)
         raise ToolchainError(
             f"the generated code does not compile: {error}",
-            hint=error.hint or "CC names another compiler; -v shows all that this one said",
+            hint=error.hint or (REFUSED if LINE.search(str(error)) else OTHER),
         ) from error
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):

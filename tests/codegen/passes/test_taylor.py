@@ -20,7 +20,9 @@ import pytest
 from codegen import compiler
 from codegen.passes import program
 from codegen.passes import taylor as passes
+from codegen.passes.recurrences import Recurrences
 from codegen.passes.taylor import HIGHEST, series
+from codegen.program import Load
 from derive.diagnostics import AssumptionError
 from derive.formulations.records import Argument, Equations, Function, Result
 from hamel.build.module import published
@@ -143,6 +145,18 @@ def test_equal_products_have_one_slot_and_constants_none() -> None:
     code = {"a": lambda x, y: 2 * x * y, "b": lambda x, y: 3 * y * x, "c": lambda x, y: 5 * x}
     found = series(program(made_of(code), ("dynamics",), ("taylor",)))
     assert len(found.slots) == 1
+
+
+@pytest.mark.parametrize("operation", ["sin", "cos"])
+def test_a_sine_of_what_does_not_vary_comes_with_its_cosine(operation: str) -> None:
+    """They are written by one call. Of a parameter alone there was no partner: the statement behind
+    it was taken for that."""
+    tape = Recurrences()
+    tape.loads["p", 0] = Load("p0", "p", 0)
+    tape.put(operation, "p0")
+    tape.put("mul", "p0", "p0")
+    kinds = [statement.value[0] for statement in tape.start if isinstance(statement.value, tuple)]
+    assert sorted(kinds[:2]) == ["cos", "sin"] and kinds[2:] == ["mul"]
 
 
 def test_sums_of_sums_are_one_step() -> None:

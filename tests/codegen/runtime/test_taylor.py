@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import ctypes
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -16,6 +17,7 @@ from codegen import compiler, loader
 from codegen.emit import emit
 from codegen.passes import program
 from codegen.passes.taylor import series_in_lanes
+from codegen.program import Kernel, Pivot, Program, Statement
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.model import load_text
@@ -268,6 +270,48 @@ def test_coefficients_in_lanes_are_those_of_one(tmp_path: Path) -> None:
         if k != 2:
             np.testing.assert_allclose(many[:, :2, k], one[:, :2], rtol=1e-13, atol=1e-15)
             np.testing.assert_allclose(many[1:, 2, k], one[1:, 2], rtol=1e-13, atol=1e-15)
+
+
+def with_numbers(made: Program) -> Program:
+    """The same with a guard, a root, a sine and a rate of numbers alone, which no lane differs in."""
+    kernels: list[Kernel] = []
+    for kernel in made.kernels:
+        if kernel.name == "dynamics":
+            hoisted = kernel.hoisted
+            kernel = _with_numbers(kernel)
+            if hoisted:
+                kernel = replace(kernel, hoisted=replace(hoisted, rest=_with_numbers(hoisted.rest)))
+        kernels.append(kernel)
+    return replace(made, kernels=tuple(kernels))
+
+
+def _with_numbers(kernel: Kernel) -> Kernel:
+    first = kernel.sections[0]
+    added = (
+        Statement("root2", ("sqrt", 2.0)),
+        Statement("sine", ("sin", ("mul", 2.0, "root2"))),
+        Statement("tilted", ("mul", "root2", 3.0)),
+    )
+    sections = (replace(first, statements=(*added, *first.statements)), *kernel.sections[1:])
+    guards = (
+        *kernel.guards,
+        *(Pivot(n, v, 1e-6, 1e-6, 0.1) for n, v in (("one", 1.0), ("root", "root2"))),
+    )
+    outputs = (("add", kernel.outputs[0], ("mul", 0.0, "sine")), "tilted")
+    return replace(kernel, sections=sections, guards=guards, outputs=outputs)
+
+
+@pytest.mark.slow
+def test_what_is_the_same_in_all_lanes_stands_in_each(tmp_path: Path) -> None:
+    """A pivot that is one, and values of numbers alone: vectors where a vector is asked for. The
+    compiler refused a number there."""
+    made = with_numbers(program(circle(), None, ("taylor",)))
+    for name, source in emit(made).items():
+        (tmp_path / name).write_text(source, encoding="utf-8")
+    assert (tmp_path / "circle_taylor_lanes.c").exists()
+    command = compiler.find_compiler()
+    assert command
+    compiler.compile_folder(tmp_path, "circle", command)
 
 
 def test_pieces_go_one_by_one(tmp_path: Path) -> None:

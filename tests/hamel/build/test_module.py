@@ -106,6 +106,10 @@ FAULTS = {
         ' && printf "\\267" | dd of="$out" bs=1 seek=18 conv=notrunc 2>/dev/null',
         "cannot be loaded: .*",
     ),
+    "our line": (
+        "echo 'toy.c:7:5: error: cannot convert a value to vector type' >&2; exit 1",
+        "toy.c:7:5: error: cannot convert",
+    ),
     "disk full": ("echo 'cannot write x.o: No space left on device' >&2; exit 1", "No space left"),
 }
 
@@ -121,6 +125,7 @@ def test_a_compiler_that_fails_is_refused_in_one_line(
     problem = error.value.diagnostics[0]
     assert error.value.exit_code == 3 and "\n" not in problem.message
     assert ("free some space" in problem.hint) is (fault == "disk full")
+    assert ("may be hamel's fault" in problem.hint) is (fault == "our line")
     assert not (tmp_path / "out").exists() and not list(own_store.glob("compiled-*"))
     script('exec cc "$@"')
     assert published(small, tmp_path / "out" / "toy", compiler=[broken]).compiled

@@ -406,9 +406,9 @@ class Simulated:
     energy_balance: float
     # estimate of the largest error of a coordinate or quasi-velocity at the end, in SI units
     error: float | None
-    crossings: (
-        int  # singular positions on the way; two ways across each agreed within the tolerance
-    )
+    # positions on the way where a pivot of the choice or of the constraints vanishes, which is not
+    # always where A loses rank; two ways across each agreed within the tolerance
+    crossings: int
     landings: int  # steps that end where forces go on to another piece
     charts: int  # that the enforcement used, 0 where it has none
     switches: tuple[Switch, ...]  # of the choice of quasi-velocities

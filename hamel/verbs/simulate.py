@@ -50,11 +50,12 @@ def _show_events(record: Simulated, console: Console) -> None:
 
 
 def _show_charts(record: Simulated, console: Console) -> None:
-    """Singular positions on the way, and which charts came after each other."""
+    """Where pivots vanished on the way, and which charts came after each other."""
     if record.crossings:
+        several = "s" if record.crossings > 1 else ""
         console.print(
-            f"  crossed {record.crossings} singular positions; "
-            "two ways across each agree within the tolerance"
+            f"  crossed {record.crossings} position{several} where a pivot of the choice or of the "
+            "constraints vanishes; two ways across agree within the tolerance"
         )
     if record.landings:
         console.print(f"  {record.landings} steps end where forces go on to another piece")

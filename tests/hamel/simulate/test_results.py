@@ -9,15 +9,18 @@ from __future__ import annotations
 import re
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import hamel
 from derive.diagnostics import ToolchainError
 from hamel.records import Simulated
 from hamel.simulate.figure import alike
+from hamel.verbs.simulate import show
 
 FOUR_BAR = Path(__file__).parents[3] / "models" / "four_bar.yaml"
 
@@ -145,3 +148,15 @@ def test_a_speed_with_the_name_of_an_output_stands_beside_it(tmp_path: Path) -> 
     assert "V_dot_w" in hamel.simulate(tmp_path / "m.yaml", time=1.0).motion
     plain = hamel.simulate(tmp_path / "m.yaml", time=1.0, step=0.5, formulation="augmented")
     assert not [name for name in plain.motion if name.endswith(")_w")]
+
+
+@pytest.mark.parametrize(("count", "said"), [(0, ""), (1, "1 position where"), (4, "4 positions")])
+def test_what_was_crossed_need_not_be_a_singular_position(
+    record: Simulated, count: int, said: str
+) -> None:
+    """A pivot of the choice may vanish where the constraints keep their rank."""
+    console = Console(width=200)
+    with console.capture() as text:
+        show(replace(record, crossings=count), console)
+    assert (said in text.get()) and ("crossed" in text.get()) == bool(count)
+    assert "singular" not in text.get()

@@ -12,6 +12,7 @@ import contextlib
 import logging
 import os
 import signal
+import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
@@ -82,7 +83,7 @@ def engine(name: str | None = None, workers: int | None = None) -> Iterator[Engi
         with ThreadPoolExecutor(size) as threads:
             yield Engine(threads, lambda: size, f"{size} threads of this process", True)
     elif name == PROCESSES:
-        with Processes(size) as processes:
+        with _terminable(), Processes(size) as processes:
             about = f"{size} processes of this machine"
             yield Engine(processes, lambda: size, about, False, end=processes.end)
     else:
@@ -152,24 +153,47 @@ class Processes(Executor):
 
 
 @contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Whoever ends this process by SIGTERM finds the processes ended and what they shared put away,
+    as after Ctrl-C. A caller that has plans of its own for the signal keeps them."""
+    if not _is_main() or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+
+    def leave(number: int, _: Any) -> None:
+        sys.exit(128 + number)
+
+    signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _is_main() -> bool:
+    """Whether signals are for this thread."""
+    return threading.current_thread() is threading.main_thread()
+
+
+@contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
     """Processes that start here inherit that no Ctrl-C reaches them: this one ends them, and puts
-    away what they share with it. A Ctrl-C meanwhile waits until they have started."""
+    away what they share with it. What ends this one waits until they have started."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
     late: list[int] = []
-    is_main = threading.current_thread() is threading.main_thread()
-    handler = signal.signal(signal.SIGINT, lambda number, _: late.append(number)) if is_main else 0
+    ends = (signal.SIGINT, signal.SIGTERM) if _is_main() else ()
+    before = {each: signal.signal(each, lambda number, _: late.append(number)) for each in ends}
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        if is_main:
-            signal.signal(signal.SIGINT, handler)
-    if late:
-        signal.raise_signal(signal.SIGINT)
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    for number in late[:1]:
+        signal.raise_signal(number)
 
 
 def _silence() -> None:

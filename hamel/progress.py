@@ -20,19 +20,26 @@ from rich.progress import (
 )
 
 PATIENCE = 1.0  # seconds before a bar is worth showing
+SPARSE = 30.0  # seconds between lines where there is no terminal for a bar
 SLOW = 10.0  # seconds after which it can be told how long a motion takes …
 LONG = 600.0  # … and how many may be left before that is worth a word
 
 
 @contextmanager
 def bar(total: float, doing: str = "simulating") -> Iterator[Callable[[float], None]]:
-    """A function to call with how much of `total` is done."""
+    """A function to call with how much of `total` is done. Where no terminal can show a bar, a line
+    now and then says it."""
     with ExitStack() as stack:
-        start = time.monotonic()
+        start = said = time.monotonic()
         shown: list[Any] = []
 
         def report(done: float) -> None:
-            if not shown and sys.stderr.isatty() and time.monotonic() - start > PATIENCE:
+            nonlocal said
+            now = time.monotonic()
+            if not sys.stderr.isatty() and now - said > SPARSE:
+                said = now
+                print(f"{doing}: {done / total:.0%} after {now - start:.0f} s", file=sys.stderr)
+            if not shown and sys.stderr.isatty() and now - start > PATIENCE:
                 shown.append(_start(stack, total, doing))
             if shown:
                 progress, task = shown[0]

@@ -46,6 +46,8 @@ EXACT_PARTS = 4  # … and no more than one of so many parts of the budget
 EXACT_SHARE = 0.5  # of the budget, after which no other tight run is tried
 # of what is left then, before violations over time and library solvers have their turn
 MEASURED_SHARE = 0.75
+# of what is shown of a study as done: its modules, then its runs, then library solvers
+BUILT, RAN = 0.4, 0.8
 BUILD_LIMIT = 120.0  # seconds of one build
 GRACE = 60.0  # seconds on top of what a message should take, for machines that are busy otherwise
 TRACK_LIMIT = 5.0  # seconds of one of them

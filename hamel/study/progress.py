@@ -16,7 +16,7 @@ from derive.robots import File
 from hamel.engines import Engine
 from hamel.study import modules, plan
 from hamel.study.budget import Budget, budget_of
-from hamel.study.limits import BUILD_LIMIT, GRACE
+from hamel.study.limits import BUILD_LIMIT, BUILT, GRACE
 from hamel.study.plan import Excluded, Restrictions, Unit
 from hamel.study.results import Results
 from hamel.study.series import Task
@@ -52,12 +52,19 @@ class Progress:
     advance: Callable[[float, float], None]  # done, of
     excluded: list[Excluded] = field(default_factory=list)
     late: int = 0  # runs that there was no time for
+    shown: float = 0.0  # the share of the whole that `advance` was told last
     budget: Budget = field(init=False)
     ready: dict[Unit, str] = field(default_factory=dict)  # folders of modules
     places: Iterator[int] = field(default_factory=itertools.count)  # each folder is used once
 
     def __post_init__(self) -> None:
         self.budget = budget_of(self.asked.budget)
+
+
+def show(so_far: Progress, begin: float, end: float, done: float) -> None:
+    """How far it is, where `done` of 1 is done of what takes it from begin to end; never back."""
+    so_far.shown = max(so_far.shown, begin + (end - begin) * done)
+    so_far.advance(so_far.shown, 1.0)
 
 
 def name_of(unit: Unit, *more: str) -> str:
@@ -118,7 +125,8 @@ def ensure(so_far: Progress, units: Sequence[Unit], needed: bool = False) -> Non
         return 0 if needed else len(so_far.ready)
 
     with closing(so_far.budget.built(so_far.workers, series, ready)) as finished:
-        for outcome in finished:
+        for number, outcome in enumerate(finished, 1):
+            show(so_far, 0.0, BUILT, number / len(series))
             unit = outcome.task.subject
             name = built_name(so_far, unit)
             if outcome.status == "done":

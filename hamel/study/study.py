@@ -13,15 +13,18 @@ from typing import Any
 from codegen.integrators import INTEGRATORS
 from derive.formulations.charts import BETWEEN
 from derive.robots import File
+from hamel.build.clock import Clock
 from hamel.engines import Engine
 from hamel.study import libraries, modules, plan, runs
 from hamel.study.judgement import Judge, Reference, agreed
 from hamel.study.limits import (
+    BUILT,
     EXACT_LIMIT,
     EXACT_PARTS,
     EXACT_SHARE,
     GRACE,
     MEASURED_SHARE,
+    RAN,
     TRACK_LIMIT,
     TRACKED,
 )
@@ -37,6 +40,7 @@ from hamel.study.progress import (
     name_of,
     note_late,
     ready_of,
+    show,
     simulation,
     used_up,
     why_none,
@@ -79,17 +83,25 @@ def study(
     so_far = Progress(
         case, asked, workers, Results(case.path, options), folder, advance, [*planned.excluded]
     )
-    units = buildable(so_far, planned.units)
-    units += buildable(so_far, _charts(so_far, units))
-    judge = Judge(start.system, _reference(so_far, units), case.span)
+    name, clock = start.system.model.name, Clock()
+    with clock("modules", f"{name}: {len(planned.units)}"):
+        units = buildable(so_far, planned.units)
+        units += buildable(so_far, _charts(so_far, units))
+    with clock("reference"):
+        judge = Judge(start.system, _reference(so_far, units), case.span)
     wanted = _runs(so_far, units, judge.reference.scale)
-    _measure(so_far, wanted, MEASURED_SHARE)
-    tracks, libraries = _tracks(so_far, units), _library_rows(so_far, units)
-    _measure(so_far, wanted)  # the rest, where there is time
+    with clock("runs", str(len(wanted))):
+        _measure(so_far, wanted, MEASURED_SHARE)
+    with clock("violations", "over time"):
+        tracks = _tracks(so_far, units)
+    with clock("libraries"):
+        libraries = _library_rows(so_far, units)
+    with clock("runs", "the rest, where there is time"):
+        _measure(so_far, wanted)
     measured = _collected(so_far, wanted) + libraries
-    rows = judge.rows(start.system.model.name, measured)
+    rows = judge.rows(name, measured)
     return Study(
-        model=start.system.model.name,
+        model=name,
         file=case.path,
         span=case.span,
         reference=judge.confirmed(measured),
@@ -222,7 +234,7 @@ def _measure(so_far: Progress, wanted: Wanted, part: float = 1.0) -> None:
     with closing(so_far.budget.ran(so_far.workers, series, _is_hopeless, part)) as finished:
         for outcome in finished:
             done += _put(so_far, outcome, limit)
-            so_far.advance(done, len(wanted))
+            show(so_far, BUILT, RAN, done / len(wanted))
 
 
 def _is_known(row: Mapping[str, Any] | None, limit: float) -> bool:
@@ -333,7 +345,9 @@ def _run_libraries(so_far: Progress, missing: Wanted) -> None:
             arguments = {**simulation(so_far, unit, run), "unit": unit.about}
             tasks.append(Task(libraries.row, arguments, GRACE, (unit, keys[number:])))
         series.append(tasks)
-    for outcome in so_far.budget.ran(so_far.workers, series, _is_slow):
+    finished = so_far.budget.ran(so_far.workers, series, _is_slow)
+    for done, outcome in enumerate(finished, 1):
+        show(so_far, RAN, 1.0, done / len(missing))
         unit, (key, *rest) = outcome.task.subject
         so_far.results.put(name_of(unit, key), _row(outcome))
         for other in rest if _is_slow(outcome) else ():

@@ -11,11 +11,13 @@ import subprocess
 import sys
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from derive.diagnostics import ModelError, ToolchainError
 from hamel.engines import Processes, _uninterrupted, engine
+from tests.scenes import ROOT
 
 
 def test_threads_are_of_this_process() -> None:
@@ -85,3 +87,42 @@ def test_an_interrupt_while_processes_start_is_not_lost() -> None:
         signal.raise_signal(signal.SIGINT)
         started = True
     assert started
+
+
+# Says when its worker has begun.
+WAITING = """import time
+from hamel.engines import engine
+with engine("processes", 2) as workers:
+    workers.executor.submit(time.monotonic).result()
+    print("begun", flush=True)
+    workers.executor.submit(time.sleep, 60.0).result()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="a process is ended otherwise there")
+def test_who_ends_the_process_finds_nothing_left_of_its_workers() -> None:
+    """Semaphores of workers were left behind, and said to be on the terminal."""
+    command = [sys.executable, "-c", WAITING]
+    streams: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=ROOT, **streams) as process:
+        assert process.stdout is not None and process.stdout.readline() == "begun\n"
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=30)
+    assert process.returncode == 128 + signal.SIGTERM and said == ""
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals are not masked here")
+def test_a_signal_that_the_caller_handles_is_left_to_it() -> None:
+    """And one that he does not is as it was afterwards."""
+    own = signal.signal(signal.SIGTERM, lambda *_: None)
+    try:
+        handler = signal.getsignal(signal.SIGTERM)
+        with engine("processes", 1):
+            assert signal.getsignal(signal.SIGTERM) is handler
+    finally:
+        signal.signal(signal.SIGTERM, own)
+    before = signal.getsignal(signal.SIGTERM)
+    with engine("processes", 1):
+        assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
+    assert signal.getsignal(signal.SIGTERM) is before

@@ -7,6 +7,7 @@ Of hamel.verbs: extremes, report.
 
 from __future__ import annotations
 
+import logging
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ import hamel
 from codegen import compiler
 from codegen.runtime.simulation import Status
 from derive.diagnostics import AssumptionError, ModelError
+from hamel import progress
+from hamel.progress import bar
 from hamel.study.advice import advice, rivals
 from hamel.study.judgement import Reference
 from hamel.study.page import outcomes
@@ -205,3 +208,29 @@ def test_a_choice_that_is_singular_alone_says_what_simulate_does() -> None:
     lines = advice([stopped(Status.SINGULAR_CHOICE.cause)], REFERENCE)
     assert any("new base or another choice there and goes on" in line for line in lines)
     assert not any("a module of several, goes on" in line for line in lines)
+
+
+@pytest.mark.slow
+@compiled
+def test_building_is_shown_as_done_too(rod: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Nothing was said until the first run, which came after half of the time; nor by -v."""
+    given: dict[str, Any] = {"time": 0.1, "tolerances": [1e-6], "integrators": ["dop853"]}
+    given |= {"formulations": ["maggi", "augmented"], "enforcements": ["none"]}
+    shares: list[float] = []
+    caplog.set_level(logging.INFO, "hamel")
+    hamel.report([rod], out=rod.parent / "out", progress=shares.append, **given)
+    assert shares == sorted(shares) and 0.0 < shares[0] < 0.4 <= shares[-1] <= 1.0
+    said = [message.split()[0] for message in caplog.messages]
+    assert [name for name in said if name != "model"][:3] == ["modules", "reference", "runs"]
+
+
+def test_without_a_terminal_a_line_now_and_then_says_how_far_it_is(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with bar(2.0, "running") as shown:
+        shown(0.5)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(progress, "SPARSE", 0.0)
+    with bar(2.0, "running") as shown:
+        shown(0.5)
+    assert capsys.readouterr().err == "running: 25% after 0 s\n"

@@ -29,6 +29,7 @@ from derive.linearize.limits import (
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
 from derive.linearize.turning import rates_of_angles
+from derive.mechanics.records import System
 from derive.model.records import Span, SteadyMotion
 from derive.states import gimbal
 from derive.states.closing import Kinematics, closed, nominal, normalised
@@ -91,6 +92,22 @@ def motion_of(equations: Equations, name: str | None) -> SteadyMotion:
     )
 
 
+def check_still(system: System) -> None:
+    """Refuses what is seen to depend on time before anything is chosen: positions, and what acts on
+    velocities that no constraint ties. Raises AssumptionError."""
+    A = ca.sparsify(system.A)
+    free = [i for i in range(system.v.numel()) if not A[:, i].nnz()]
+    _check_still(system, ca.vertcat(system.phi, system.Q[free]), system.t)
+
+
+def _check_still(system: System, value: ca.SX, t: ca.SX) -> None:
+    if ca.depends_on(value, t):
+        raise AssumptionError(
+            f"{system.model.name} depends on time and has no steady motion",
+            "linearise along a motion: the generated function `linearization` takes t",
+        )
+
+
 def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -> Problem:
     """The equations of a steady motion: φ = 0, f = 0 in all rows but those of cyclic coordinates,
     and held = given. Unknowns are (x, u). Raises AssumptionError where the equations depend on
@@ -98,11 +115,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
     system = equations.system
     t, x, u, p = (argument.symbols for argument in equations.arguments)
     f = equations.function("dynamics").result
-    if ca.depends_on(ca.vertcat(f.value, system.phi), t):
-        raise AssumptionError(
-            f"{system.model.name} depends on time and has no steady motion",
-            "linearise along a motion: the generated function `linearization` takes t",
-        )
+    _check_still(system, ca.vertcat(f.value, system.phi), t)
     s = (
         ca.vertcat(*[ca.SX.sym(name) for name in motion.sweepable])
         if motion.sweepable

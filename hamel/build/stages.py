@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from os import PathLike
 from types import MappingProxyType
@@ -54,14 +54,16 @@ def equations_of(
     formulation: str = "quasi_velocities",
     clock: Clock | None = None,
     fix: Fixed = MappingProxyType({}),
+    check: Callable[[System], None] = lambda mechanics: None,
 ) -> Equations:
     """File → Equations of one formulation and choice; the first choice of the file when none is
-    named."""
+    named. `check` refuses a System that would be made equations of for nothing."""
     clock = clock or Clock()
     with clock("model", "file → Model"):
         model, constants = model_of(path, constants, fix)
     with clock("mechanics", "Model → System"):
         mechanics = mechanics_of(model, constants)
+        check(mechanics)
     with clock("formulation", "System → Equations"):
         return with_linearization(
             equations(mechanics, choice, formulation, charts=True, moving=True)

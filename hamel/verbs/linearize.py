@@ -21,7 +21,7 @@ from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import evaluator
 from derive.linearize.records import Steady
 from derive.linearize.sensitivity import Mode, modes
-from derive.linearize.steady import motion_of
+from derive.linearize.steady import check_still, motion_of
 from derive.linearize.study import Study
 from derive.linearize.unreduced import unreduced
 from hamel.build.clock import Clock
@@ -66,7 +66,7 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
     if len(sweep) > 2:
         raise ModelError(f"{len(sweep)} names are swept", "one, or two for a map")
     clock = Clock()
-    equations = based(equations_of(path, options.choice, clock=clock))
+    equations = based(equations_of(path, options.choice, clock=clock, check=check_still))
     model, motion = equations.system.model, motion_of(equations, options.at)
     wanted = ranges(model, motion, sweep)
     with clock("linearize"):

@@ -356,7 +356,8 @@ def test_what_ties_neighbours_is_a_force_of_the_joint_between_them(tmp_path: Pat
 
 def test_forces_across_many_joints_are_refused_before_they_are_written_out(tmp_path: Path) -> None:
     """As a formula without shared parts a spring over nine oblique joints filled the memory."""
-    spring = "far: {type: spring, between: [b1, b13], stiffness: 3}"
+    points = "at: [[0, 0, 0.1], [0, 0, 0.2]]"
+    spring = f"far: {{type: spring, between: [b1, b13], {points}, stiffness: 3}}"
     far = strapped(14).replace("loads:", f"loads:\n  {spring}")
     with pytest.raises(AssumptionError, match="depends on other joints, too"):
         program(derived(tmp_path, far), DYNAMICS, roll="always")

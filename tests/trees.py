@@ -135,7 +135,7 @@ inputs: {{"tau{{i}}": {{joint: "j{{i}}"}}}}
 
 def strapped(n: int) -> str:
     """An oblique chain whose neighbours are tied to each other: springs with damping and ropes
-    between points, bushings."""
+    between points, bushings, and a formula of where one is seen from the other."""
     ends = 'between: ["b{i-1}", "b{i}"], at: [[0.05, 0, 0.02], [0.05, 0.01, 0.02]]'
     return f"""
 model: strapped{n}
@@ -152,14 +152,18 @@ joints:
 loads:
   "s{{i}}": {{type: spring, {ends}, stiffness: 90, length: 0.08 m, damping: 0.1}}
   "r{{i}}": {{type: tension, {ends}, tension: 2 N}}
+  "p{{i}}":
+    {{type: expression, joint: "j{{i}}",
+     expression: "-(3 N)*position(b{{i}}, [0.05, 0, 0], b{{i-1}}).z"}}
   "w{{i}}": {{type: bushing, {ends}, stiffness: [50, 60, 70], torsion: 1, damping: 0.02}}
 """
 
 
 def gait(n: int) -> str:
     """Such a chain whose joints are driven by waves: sines of the time, and sines and cosines of
-    angles that are no joint's own."""
+    angles that are no joint's own; and held by the angle to the neighbour."""
     wave = "(1 N*m)*sin((3 rad/s)*t - 0.4*{i}) + (0.3 N*m)*cos(2*q{i})*sin(2*q{i})"
+    wave += " - (0.5 N*m/rad)*angle(b{i}, b{i-1})"
     return snake(n).replace("snake", "gait").replace("0.02]}", '0.02], coordinate: "q{i}"}') + (
         f'loads: {{"wave{{i}}": {{type: expression, joint: "j{{i}}", expression: "{wave}"}}}}\n'
     )

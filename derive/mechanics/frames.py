@@ -19,7 +19,7 @@ from derive.joints.rotations import (
 from derive.mechanics.links import placement
 from derive.mechanics.records import Place
 from derive.mechanics.scene import IN_PLANE, NORMAL, NOTHING, Scene
-from derive.mechanics.tree import ground_point, relative_rotation
+from derive.mechanics.tree import ground_point, nearest_carrier, relative_rotation
 from derive.model.records import (
     Closure,
     Placement,
@@ -113,3 +113,10 @@ def axes_in_plane(scene: Scene, link: int) -> list[int]:
     turned = matrix(relative_rotation(scene.links, link, -1))
     across = [k for k in range(3) if k not in IN_PLANE[scene.model.plane]]
     return [i for i in range(3) if all(is_zero(turned[i][k]) for k in across)]
+
+
+def carrier_in_plane(scene: Scene, *tips: int) -> int:
+    """The link nearest to these that carries them, if its axes are those of the plane; else the
+    ground."""
+    carrier, _ = nearest_carrier(scene.links, *tips)
+    return carrier if axes_in_plane(scene, carrier) == [*IN_PLANE[scene.model.plane]] else -1

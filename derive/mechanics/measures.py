@@ -28,7 +28,7 @@ from derive.joints.rotations import (
     rotated,
     transpose,
 )
-from derive.mechanics.frames import angular_velocity, ground_rotation
+from derive.mechanics.frames import angular_velocity, carrier_in_plane, ground_rotation
 from derive.mechanics.named_frames import place_of
 from derive.mechanics.outputs import planar_angle
 from derive.mechanics.paths import path_length
@@ -64,14 +64,15 @@ def _places(scene: Scene, measure: Measure) -> tuple[Place, Place]:
 
 
 def _position(scene: Scene, measure: Measure) -> Scalar:
+    """What carries both frames is no part of it."""
     here, there = _places(scene, measure)
-    point = scene.symbols.vector(measure.point)
+    near, point = scene.near(here.link, there.link), scene.symbols.vector(measure.point)
     ends = [
-        ground_point(place, x, scene.positions, scene.rotations)
+        ground_point(place, x, near.positions, near.rotations)
         for place, x in ((there, NOTHING), (here, point))
     ]
     (k,) = measure.component
-    return _turned_back(scene, there, difference(ends[1], ends[0]))[k]
+    return _turned_back(near, there, difference(ends[1], ends[0]))[k]
 
 
 def _turned_back(scene: Scene, place: Place, vector: Vector) -> Vector:
@@ -95,8 +96,10 @@ def _relative(scene: Scene, measure: Measure) -> Matrix:
 
 
 def _angle(scene: Scene, measure: Measure) -> Scalar:
+    """Against what carries both, if it keeps the axes of the plane."""
     here, there = _places(scene, measure)
-    return planar_angle(scene, here) - planar_angle(scene, there)
+    below = carrier_in_plane(scene, here.link, there.link)
+    return planar_angle(scene, here, below) - planar_angle(scene, there, below)
 
 
 def _angular_velocity(scene: Scene, measure: Measure) -> Scalar:

@@ -67,10 +67,11 @@ def _point(scene: Scene, call: Call) -> Numbers:
     return scene.symbols.vector(entries.entries)
 
 
-def planar_angle(scene: Scene, place: Place) -> ca.SX:
-    """The angle of a planar body or frame against the ground, counter-clockwise from the plane's
-    first to its second axis: all turns of the joints, with what placements turn for good."""
-    chain = merged(relative_rotation(scene.links, -1, place.link), place.rotation)
+def planar_angle(scene: Scene, place: Place, carrier: int = -1) -> ca.SX:
+    """The angle of a planar body or frame against a link that carries it, or the ground,
+    counter-clockwise from the plane's first to its second axis: all turns of the joints between,
+    with what placements turn for good."""
+    chain = merged(relative_rotation(scene.links, carrier, place.link), place.rotation)
     normal, turned = NORMAL[scene.model.plane], ca.SX(0)
     still: Rotation = ()  # placements in a row: only together they are turns in the plane
     for factor in chain:

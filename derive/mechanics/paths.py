@@ -22,9 +22,8 @@ from derive.diagnostics import ModelError
 from derive.expressions.scalars import Scalar, Vector
 from derive.expressions.tree import ZERO
 from derive.joints.rotations import difference, dot, is_zero, matrix, product, rotated, transpose
-from derive.mechanics.frames import axes_in_plane, ground_rotation, on_ground, triad
+from derive.mechanics.frames import carrier_in_plane, ground_rotation, on_ground, triad
 from derive.mechanics.scene import IN_PLANE, Scene
-from derive.mechanics.tree import nearest_carrier
 from derive.model.records import Path, Span, Waypoint
 
 
@@ -49,10 +48,9 @@ class Straight:
 def path_length(scene: Scene, path: Path) -> Scalar:
     """In m, over (t, q). ModelError where two of its points in a row always meet. What carries all
     of them is no part of it, but in a plane whose axes it does not keep."""
-    near = scene.among([x.body for x in path.points])
-    carrier, _ = nearest_carrier(scene.links, *[scene.places[x.body].link for x in path.points])
-    if not scene.model.plane or axes_in_plane(scene, carrier) == [*IN_PLANE[scene.model.plane]]:
-        scene = near
+    tips = [scene.places[x.body].link for x in path.points]
+    if carrier_in_plane(scene, *tips) >= 0:
+        scene = scene.near(*tips)
     for first, second in pairwise(path.points):
         if not _is_round(first) and not _is_round(second):
             gap = difference(_ground(scene, second), _ground(scene, first))

@@ -90,7 +90,10 @@ class Scene:
     def among(self, bodies: Sequence[str]) -> Scene:
         """The same in the axes of that link, for what has no other axes than those of the bodies:
         how the link is turned is no part of it, either."""
-        tips = [self.places[body].link for body in bodies]
+        return self.near(*[self.places[body].link for body in bodies])
+
+    def near(self, *tips: int) -> Scene:
+        """The same for what links carry, by their numbers."""
         carrier, beyond = nearest_carrier(self.links, *tips)
         if carrier < 0 or not beyond:
             return self

@@ -135,7 +135,9 @@ inputs: {{"tau{{i}}": {{joint: "j{{i}}"}}}}
 
 def strapped(n: int) -> str:
     """An oblique chain whose neighbours are tied to each other: springs with damping and ropes
-    between points, bushings, and a formula of where one is seen from the other."""
+    between points, bushings, a formula of where one is seen from the other, and a rope that goes
+    through a point of each."""
+    points = ", ".join(f"{{body: b{i}, at: [0.05, 0, 0.02]}}" for i in range(n))
     ends = 'between: ["b{i-1}", "b{i}"], at: [[0.05, 0, 0.02], [0.05, 0.01, 0.02]]'
     return f"""
 model: strapped{n}
@@ -149,7 +151,9 @@ joints:
   "j{{i}}":
     {{type: revolute, parent: "b{{i-1}}", child: "b{{i}}", axis: y,
      at: {{parent: {{position: [0.1, 0, 0], rpy: [30 deg, 0, 0]}}}}}}
+paths: {{rope: [{points}]}}
 loads:
+  pull: {{type: tension, path: rope, tension: 3 N}}
   "s{{i}}": {{type: spring, {ends}, stiffness: 90, length: 0.08 m, damping: 0.1}}
   "r{{i}}": {{type: tension, {ends}, tension: 2 N}}
   "p{{i}}":

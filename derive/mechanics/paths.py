@@ -47,19 +47,23 @@ class Straight:
 
 def path_length(scene: Scene, path: Path) -> Scalar:
     """In m, over (t, q). ModelError where two of its points in a row always meet. What carries all
-    of them is no part of it, but in a plane whose axes it does not keep."""
-    tips = [scene.places[x.body].link for x in path.points]
-    if carrier_in_plane(scene, *tips) >= 0:
-        scene = scene.near(*tips)
+    points that a part of it goes by is no part of its length."""
     for first, second in pairwise(path.points):
         if not _is_round(first) and not _is_round(second):
-            gap = difference(_ground(scene, second), _ground(scene, first))
-            check_apart(scene, gap, path.name, path.span)
-    if scene.model.plane:
-        axes = IN_PLANE[scene.model.plane]
-        centres = [[_ground(scene, x)[k] for k in axes] for x in path.points]
-        return _planar([_circle(scene, x, centre) for x, centre in zip(path.points, centres)])
-    return _spatial(scene, path)
+            check_apart(scene, _apart(scene, first, second), path.name, path.span)
+    if not scene.model.plane or not any(map(_is_round, path.points)):
+        return _spatial(scene, path)
+    tips = [scene.places[x.body].link for x in path.points]
+    near = scene.near(*tips) if carrier_in_plane(scene, *tips) >= 0 else scene
+    axes = IN_PLANE[scene.model.plane]
+    centres = [[_ground(near, x)[k] for k in axes] for x in path.points]
+    return _planar([_circle(near, x, centre) for x, centre in zip(path.points, centres)])
+
+
+def _apart(scene: Scene, first: Waypoint, second: Waypoint) -> Vector:
+    """p₂ − p₁ in the axes of what carries both."""
+    near = scene.among([first.body, second.body])
+    return difference(_ground(near, second), _ground(near, first))
 
 
 def check_apart(scene: Scene, gap: Vector, name: str, span: Span) -> None:
@@ -125,7 +129,7 @@ def _spatial(scene: Scene, path: Path) -> Scalar:
         if _is_round(first):
             total = total + _round(scene, points[k - 1], first, second)
         elif not _is_round(second):
-            gap = difference(_ground(scene, second), _ground(scene, first))
+            gap = _apart(scene, first, second)
             total = total + ca.sqrt(dot(gap, gap))
     return total
 
@@ -136,6 +140,7 @@ def _is_round(x: Waypoint) -> bool:
 
 def _round(scene: Scene, before: Waypoint, x: Waypoint, after: Waypoint) -> Scalar:
     """In the frame of the cylinder: two of its axes across, the third along."""
+    scene = scene.among([before.body, x.body, after.body])
     turned = triad(scene.symbols.vector(x.axis), "")
     place = scene.places[x.body]
     axes = transpose(product(ground_rotation(scene, place), matrix(turned)))

@@ -451,12 +451,14 @@ def _note(kernel: Kernel, i: int) -> str:
 
 def _stray(program: Program, kernel: Kernel, style: Style) -> str:
     """0 * value is 0 for finite values and NaN for the others; many values are gone through in
-    loops. What is solved for is looked at there."""
+    loops. What is solved for is looked at there. In lanes t is read where it is looked at, as the
+    last part of a long function need not have it."""
+    t = "t_[lane]" if style is SIDE_BY_SIDE else "t"
     if kernel.solving:
         sizes = {a.name: len(a.names) for a in program.arguments} | {"x": len(kernel.x.names)}
         given = [f"{program.name}_stray({a}, {sizes[a]})" for a in kernel.uses if a != "t"]
-        return _added([*given, "0.0 * t", "solved"])
-    watched = ["t" if name == "t" else style.entry.format(name, i) for name, i in kernel.watched]
+        return _added([*given, f"0.0 * {t}", "solved"])
+    watched = [t if name == "t" else style.entry.format(name, i) for name, i in kernel.watched]
     looked_at = () if style is SIDE_BY_SIDE and _given(kernel) else kernel.results
     results = [style.entry.format("out", i) for i in looked_at]
     if style is SIDE_BY_SIDE and kernel.repeats:

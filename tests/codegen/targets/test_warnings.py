@@ -16,13 +16,13 @@ from codegen.emit import emit
 from codegen.integrators import INTEGRATORS
 from codegen.passes import program
 from codegen.passes.precision import in_precision
-from codegen.passes.roll import ALWAYS
+from codegen.passes.roll import ALWAYS, NEVER
 from codegen.program import Program
 from derive.enforcement import ENFORCEMENTS, Options, kept_equations
 from derive.formulations import equations
 from tests.scenes import derived, equations_of_text, mechanics
 from tests.toy import toy
-from tests.trees import equal_links
+from tests.trees import equal_links, several
 
 STRICT = (
     "-std=c99",
@@ -57,6 +57,14 @@ def _rolled() -> Program:
     return program(equations_of_text(text), ("dynamics",), roll=ALWAYS)
 
 
+def _timed() -> Program:
+    """Long code in parts, of which only an early one needs the time."""
+    spring = "type: spring, joint: j1, stiffness: 3"
+    drive = 'type: expression, joint: j1, expression: "(2 N*m)*step(t - 1 s)"'
+    text = several().replace(spring, drive)
+    return program(equations_of_text(text), ("dynamics",), roll=NEVER)
+
+
 PROGRAMS: dict[str, Callable[[], Program]] = {
     "toy": lambda: program(toy()),
     "float32": lambda: in_precision(program(toy()), "float32"),
@@ -67,6 +75,7 @@ PROGRAMS: dict[str, Callable[[], Program]] = {
     "charts": lambda: program(equations(mechanics("slider_crank"), "slider+crank", charts=True)),
     "rolled": _rolled,
     "rolled, float32": lambda: in_precision(_rolled(), "float32"),
+    "timed": _timed,
     "long": lambda: program(derived("stanford_arm", formulation="udwadia_kalaba")),
 }
 

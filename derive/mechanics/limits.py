@@ -36,6 +36,11 @@ MOST_TERMS = 2_000  # of the formula of a force at a joint in loops over links
 # rolling
 FLAT = 1e-9  # a sine of the angle between axis and normal below this is none
 
+# scene
+# links on the way to a body from which its velocity, and what a force on it does, go from link to
+# link, in space and in a plane: on shorter ways sums over the joints take fewer operations
+DEEP, DEEP_IN_PLANE = 2, 10
+
 # loads
 AT_REST = 1e-32  # added to the squared sine of half a turn: nothing beside a turn of 1e-8
 FEW_ENTRIES = 8  # of a force: up to so many are added one by one, where a sum has thousands

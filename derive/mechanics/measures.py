@@ -20,12 +20,14 @@ import casadi as ca
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.records import Rotation
 from derive.joints.rotations import (
+    cross,
     difference,
     dot,
     inverse,
     matrix,
     merged,
     rotated,
+    sum_of,
     transpose,
 )
 from derive.mechanics.frames import angular_velocity, carrier_in_plane, ground_rotation
@@ -35,7 +37,7 @@ from derive.mechanics.paths import path_length
 from derive.mechanics.records import Place
 from derive.mechanics.scene import NORMAL, NOTHING, Scene
 from derive.mechanics.symbols import define
-from derive.mechanics.tree import ground_point, relative_rotation
+from derive.mechanics.tree import ground_point, link_point, relative_rotation
 from derive.model.named_frames import carrier
 from derive.model.records import Measure
 
@@ -73,6 +75,19 @@ def _position(scene: Scene, measure: Measure) -> Scalar:
     ]
     (k,) = measure.component
     return _turned_back(near, there, difference(ends[1], ends[0]))[k]
+
+
+def _velocity(scene: Scene, measure: Measure) -> Scalar:
+    """Against the ground and far from it R (v + ω × x) of the link, which goes from link to link;
+    else the rate of the position."""
+    here, there = _places(scene, measure)
+    if there.link >= 0 or scene.frame or not scene.is_deep(here.link):
+        return scene.rate(ca.SX(_position(scene, measure)))
+    point = link_point(here, scene.symbols.vector(measure.point))
+    omega, velocity = scene.numbers[here.link]
+    own = sum_of(velocity, cross(omega, point))
+    (k,) = measure.component
+    return _turned_back(scene, there, rotated(scene.rotations[here.link], own))[k]
 
 
 def _turned_back(scene: Scene, place: Place, vector: Vector) -> Vector:
@@ -135,7 +150,7 @@ def _length(scene: Scene, measure: Measure) -> Scalar:
 
 _QUANTITIES: dict[str, Callable[[Scene, Measure], Scalar]] = {
     "position": _position,
-    "velocity": _rate(_position),
+    "velocity": _velocity,
     "orientation": _orientation,
     "turning": _rate(_orientation),
     "angle": _angle,

@@ -10,6 +10,7 @@ from functools import cached_property
 import casadi as ca
 
 from derive.expressions.scalars import Vector
+from derive.mechanics.limits import DEEP, DEEP_IN_PLANE
 from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Link, Place, Row, RowForm, Spinless
 from derive.mechanics.symbols import Symbols
@@ -20,6 +21,7 @@ from derive.mechanics.tree import (
     ground_rotations,
     nearest_carrier,
     origin_on,
+    path,
     rotations_on,
     twists,
 )
@@ -66,6 +68,11 @@ class Scene:
     def omegas(self) -> list[Vector]:
         """Angular velocities of the links, in their frames."""
         return [list(angular) for angular, _ in self.numbers]
+
+    def is_deep(self, link: int) -> bool:
+        """Are there many links on the way to it?"""
+        most = DEEP_IN_PLANE if self.model.plane else DEEP
+        return len(path(self.links, link)) > most
 
     def with_symbols(self, symbols: Symbols) -> Scene:
         """With more names; what was computed is kept."""

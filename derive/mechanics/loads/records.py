@@ -2,28 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
 
 from derive.expressions.scalars import Scalar, Vector
-from derive.joints.rotations import rotated
+from derive.joints.rotations import rotated, transpose
 from derive.mechanics.limits import FEW_ENTRIES
 from derive.mechanics.named_frames import place_of
 from derive.mechanics.scene import Scene
-from derive.mechanics.tree import ground_point, link_direction
+from derive.mechanics.tree import Wrench, ground_point, link_direction
 from derive.model.named_frames import frame_named
 from derive.model.records import GROUND
 
 
 @dataclass(frozen=True)
 class Applied:
-    """`energy` is a potential; `force` (nv × 1) is conjugate to v and has no potential."""
+    """`energy` is a potential; `force` (nv × 1) is conjugate to v and has no potential; `couples`
+    are moments and forces on links, about their origins and along their axes, which go from link
+    to link together with those of other loads."""
 
     energy: ca.SX
     force: ca.SX
+    couples: Mapping[int, Wrench] = field(default_factory=dict[int, Wrench])
+
+    @property
+    def every_force(self) -> ca.SX:
+        """In one column, to look through."""
+        parts = [ca.SX(x) for n, f in self.couples.values() for x in (*n, *f)]
+        return ca.vertcat(self.force, *parts)
 
 
 @dataclass(frozen=True)
@@ -70,6 +79,19 @@ def rate_of(scene: Scene, velocity: str) -> ca.SX:
     """A generalized velocity, or the rate of a coordinate, by name."""
     rate = scene.symbols.rates.get(velocity.removeprefix("der(").removesuffix(")"))
     return ca.SX(scene.symbols.names[velocity] if rate is None else rate)
+
+
+def couple_alone(scene: Scene, link: int, couple: Wrench) -> Applied:
+    """A moment and a force on a link, likewise."""
+    return Applied(ca.SX(0), ca.SX.zeros(scene.symbols.v.numel()), {link: couple})
+
+
+def in_link(scene: Scene, body: str, frame: str, components: Vector) -> Vector:
+    """Components of a force or torque in the axes of the body's link."""
+    if frame == "body":
+        return link_direction(scene.places[body], components)
+    turned = components_in_ground(scene, body, frame, components)
+    return rotated(transpose(scene.rotations[scene.places[body].link]), turned)
 
 
 def in_ground(scene: Scene, body: str, point: Vector) -> Vector:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import casadi as ca
 
 from derive.joints.rotations import rotated
-from derive.mechanics.loads.records import Applied, Law, components_in_ground, force_alone
+from derive.mechanics.loads.records import (
+    Applied,
+    Law,
+    components_in_ground,
+    couple_alone,
+    force_alone,
+    in_link,
+)
 from derive.mechanics.scene import Scene
 from derive.model.load_records import Torque
 
@@ -17,6 +24,9 @@ def torque(scene: Scene, load: Torque) -> Applied:
     place = scene.places[load.body]
     if place.link < 0:
         return force_alone(scene, ca.SX.zeros(s.v.numel()))
+    if scene.is_deep(place.link):
+        moment = in_link(scene, load.body, load.frame, s.vector(load.components))
+        return couple_alone(scene, place.link, (moment, [0.0, 0.0, 0.0]))
     applied = ca.vertcat(
         *components_in_ground(scene, load.body, load.frame, s.vector(load.components))
     )

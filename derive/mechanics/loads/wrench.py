@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import casadi as ca
 
-from derive.expressions.scalars import Vector
 from derive.joints.rotations import cross, matrix, rotated, sum_of, transpose
-from derive.mechanics.loads.records import Applied, Law, components_in_ground, force_alone
+from derive.mechanics.loads.records import (
+    Applied,
+    Law,
+    components_in_ground,
+    couple_alone,
+    force_alone,
+)
 from derive.mechanics.named_frames import place_of
 from derive.mechanics.scene import Scene
-from derive.mechanics.tree import Wrench as Couple
-from derive.mechanics.tree import joint_forces
 from derive.model.load_records import Wrench
 from derive.model.named_frames import frame_named
-
-NONE: Vector = [0.0, 0.0, 0.0]
 
 
 def wrench(scene: Scene, load: Wrench) -> Applied:
@@ -32,9 +33,8 @@ def wrench(scene: Scene, load: Wrench) -> Applied:
         to_link = transpose(scene.rotations[place.link])
         on_ground = [components_in_ground(scene, frame.body, load.axes, x) for x in given]
         force, moment = (rotated(to_link, x) for x in on_ground)
-    couples: list[Couple] = [(NONE, NONE) for _ in scene.links]
-    couples[place.link] = (sum_of(moment, cross(place.position, force)), force)
-    return force_alone(scene, ca.vertcat(*joint_forces(scene.links, couples, nv)))
+    couple = (sum_of(moment, cross(place.position, force)), force)
+    return couple_alone(scene, place.link, couple)
 
 
 WRENCH = Law(Wrench, wrench)

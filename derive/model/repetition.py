@@ -6,8 +6,8 @@ value that `repeat:` gives the index.
       link{i}: {mass: m*i, com: [l/2, 0]}
 
 In braces stand formulas of indices, {i-1} or {mod(i, 40) + 1}; in the formulas of an entry the
-index alone is its number. An entry of a list is repeated too, where it holds an index that is not
-fixed by the names above it.
+index alone is its number. An entry of a list is repeated too, where it, or what stands under its
+keys, holds an index that is not fixed by the names above it.
 """
 
 from __future__ import annotations
@@ -153,10 +153,22 @@ class Repetition:
 
     def _entries(self, node: Items, bound: Binding, where: str, key: str) -> Iterator[Node]:
         for entry in node:
-            text = entry.text if isinstance(entry, Scalar) and key not in READERS else ""
-            text = "" if self._is_latex(key, text) else text
-            for binding, inner in self._bindings(text, entry.span, bound, where):
+            texts = list(self._texts(entry, key))
+            span = texts[0].span if texts else entry.span
+            text = " ".join(x.text for x in texts)
+            for binding, inner in self._bindings(text, span, bound, where):
                 yield self.written_out(entry, binding, inner, key)
+
+    def _texts(self, node: Node, key: str) -> Iterator[Scalar]:
+        """What may hold indices that repeat an entry of a list: the text that it is, or those under
+        its keys. Lists in it, and keys with braces, repeat entries of their own."""
+        if isinstance(node, Scalar):
+            if "{" in node.text and key not in READERS and not self._is_latex(key, node.text):
+                yield node
+        elif isinstance(node, Entries):
+            for inner, entry in node.items():
+                if "{" not in inner:
+                    yield from self._texts(entry, inner)
 
     def _bindings(
         self, text: str, span: Span, bound: Binding, where: str

@@ -131,6 +131,29 @@ def test_words_negative_numbers_and_remainders() -> None:
     assert len(minus.bodies) == 2
 
 
+def test_points_of_a_path_are_repeated_by_what_stands_under_their_keys() -> None:
+    head = (
+        "model: cable\nplane: xy\nparameters: {r1: 0.1 m, r2: 0.2 m}\nrepeat: {i: 1..2, k: 1..2}\n"
+        "bodies:\n  b{i}: {mass: 1 kg}\njoints:\n  j1: {type: revolute, parent: ground, child: b1}\n"
+        "  j2: {type: revolute, parent: b1, child: b2, at: [1, 0]}\npaths:\n"
+    )
+    short = load_text(
+        f"{head}  rope{{k}}:\n    - {{body: ground, at: [-1, 0.1*k]}}\n"
+        '    - {body: "b{i}", at: [0.5, 0.1*i], pulley: {radius: "r{i}", side: left}}\n'
+        "    - {body: b2, at: [9, 0]}\n"
+    )
+    ropes = "".join(
+        f"  rope{k}:\n    - {{body: ground, at: [-1, 0.1*{k}]}}\n"
+        + "".join(
+            f"    - {{body: b{i}, at: [0.5, 0.1*{i}], pulley: {{radius: r{i}, side: left}}}}\n"
+            for i in (1, 2)
+        )
+        + "    - {body: b2, at: [9, 0]}\n"
+        for k in (1, 2)
+    )
+    assert said(short) == said(load_text(head + ropes))
+
+
 REPEAT = (
     "model: a\nplane: xy\nparameters: {l: 1 m}\nrepeat: {i: 1..3}\nbodies:\n  b{i}: {mass: 1}\n"
 )
@@ -146,6 +169,7 @@ WRONG = [
     ("repeat: {i: 1..10000, j: 1..10000}\nbodies: {'b{i}{j}': {mass: 1}}", "100000000", "10000"),
     (f"{REPEAT}  c{{j}}: {{mass: 1}}", "7:3: error: unknown index 'j'", "repeat: {j: 1..3}"),
     (f"{REPEAT}  c: {{mass: '{{i}}'}}", "7:14: error: the index 'i' is not fixed here", "{i} in"),
+    (f"{REPEAT}paths: {{p: [{{body: 'b{{j}}'}}]}}", "7:21: error: unknown index 'j'", "repeat: {j"),
     (f"{REPEAT}  c{{i/2}}: {{mass: 1}}", "{i/2} is 0.5", "a whole number"),
     (f"{REPEAT}  c{{1/(i-1)}}: {{mass: 1}}", "has no value", "a whole number"),
     (f"{REPEAT}  c{{i^i^i^i}}: {{mass: 1}}", "a whole number", ""),

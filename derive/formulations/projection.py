@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from derive.diagnostics import HamelError
-from derive.expressions.scalars import Vector
 from derive.formulations.limits import CLOSED, MOST_STEPS, PER_RADIAN, USUAL
 from derive.formulations.motion import Motion, at_motion, guards_of, labels_of_state
-from derive.formulations.multipliers import bordered_solution
+from derive.formulations.multipliers import least_change
 from derive.formulations.records import Function, Iteration, Result
 from derive.mechanics.records import System
 from derive.numerics import NONZERO
@@ -138,10 +137,9 @@ def _with_unit_quaternions(system: System, q: ca.SX) -> ca.SX:
 
 def _position_step(system: System, closing: list[int]) -> ca.SX:
     phi = [system.phi[system.rows[i].position] for i in closing]
-    nothing: Vector = [0.0] * system.v.numel()
     # holonomic rows of A are φ_q N: a step over v that meets A δ = −φ, and q moves by N δ
-    step = bordered_solution(_metric(system), system.A[closing, :], nothing, [-x for x in phi])
-    return ca.substitute(system.qdot, system.v, ca.vertcat(*step.x))
+    step = least_change(_metric(system), system.A[closing, :], [-x for x in phi])
+    return ca.substitute(system.qdot, system.v, ca.vertcat(*step))
 
 
 def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
@@ -151,10 +149,8 @@ def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
     violation = ca.mtimes(system.A[rows, :], system.v) - system.c[rows, :]
     violation = at_motion(system, motion, violation)
     entries = [violation[i] for i in range(len(rows))]
-    step = bordered_solution(
-        _metric(system), system.A[rows, :], [0.0] * system.v.numel(), [-x for x in entries]
-    )
-    return motion.w + ca.mtimes(motion.B, ca.vertcat(*step.x)), entries
+    step = least_change(_metric(system), system.A[rows, :], [-x for x in entries])
+    return motion.w + ca.mtimes(motion.B, ca.vertcat(*step)), entries
 
 
 def _metric(system: System) -> ca.SX:

@@ -47,7 +47,7 @@ SparseRow = dict[int, Scalar]  # column → entry that is no exact zero
 def sparse_rows(matrix: ca.SX) -> list[SparseRow]:
     """The same without the zeros: of large matrices nothing else can be afforded."""
     rows: list[SparseRow] = [{} for _ in range(matrix.size1())]
-    places = zip(*matrix.sparsity().get_triplet(), ca.vertsplit(matrix.nz[:]))
+    places = zip(*matrix.sparsity().get_triplet(), ca.vertsplit(ca.vec(matrix.nz[:])))
     for i, j, x in places if matrix.nnz() else ():
         entry = float(x) if x.is_constant() else x
         if not is_zero(entry):

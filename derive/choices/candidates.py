@@ -21,7 +21,7 @@ def candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowFo
     subsets = combinations(range(nv), nw) if comb(nv, nw) <= MOST_SUBSETS else _pivoted(survey)
     result: list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]] = []
     for subset in subsets:
-        rows = tuple(RowForm(speed_name(survey.system, j), (), ((j, 1.0),)) for j in subset)
+        rows = tuple(_alone(survey, j) for j in subset)
         usual, worst, lost = 1.0, 1.0, 0
         if survey.system.rows:
             B = np.tile(np.eye(nv)[list(subset)], (len(survey.rows), 1, 1))
@@ -53,14 +53,39 @@ def _pivoted(survey: Survey) -> list[tuple[int, ...]]:
     nv = survey.system.v.numel()
     driven = frozenset(j for j in range(nv) if speed_name(survey.system, j) in survey.driven)
     weights = [1.0 + slope * np.arange(nv) / nv for slope in (0.0, 1.0, 10.0)]
-    found = [_greedy(survey, x, spared) for spared in (frozenset[int](), driven) for x in weights]
+    matrices = survey.rows[:, list(survey.kept)]
+    found = [
+        _greedy(survey, weight, spared, matrices)
+        for spared in (frozenset[int](), driven)
+        for weight in weights
+    ]
     return list(dict.fromkeys(found))
 
 
-def _greedy(survey: Survey, weight: np.ndarray, spared: frozenset[int]) -> tuple[int, ...]:
-    """The free columns, increasing. Of columns in one tenth of a decade the `spared` ones become
-    dependent last."""
-    matrices = survey.rows[:, list(survey.kept)]
+def suited(survey: Survey, k: int) -> tuple[str, tuple[RowForm, ...]]:
+    """The partition whose pivots are the largest at one of the `many` states."""
+    s, one = survey.many, slice(k, k + 1)
+    rows_there = survey.solver.rows(s.t[one], s.q[one], s.p[one])[0][:, list(survey.kept)]
+    lengths = np.linalg.norm(rows_there, axis=2, keepdims=True)
+    free = _greedy(
+        survey,
+        np.ones(survey.system.v.numel()),
+        frozenset(),
+        rows_there / np.maximum(lengths, NONZERO),
+    )
+    rows = tuple(_alone(survey, j) for j in free)
+    return " ".join(row.name for row in rows), rows
+
+
+def _alone(survey: Survey, j: int) -> RowForm:
+    return RowForm(speed_name(survey.system, j), (), ((j, 1.0),))
+
+
+def _greedy(
+    survey: Survey, weight: np.ndarray, spared: frozenset[int], matrices: np.ndarray
+) -> tuple[int, ...]:
+    """The free columns, increasing, by the rows at some states. Of columns in one tenth of a decade
+    the `spared` ones become dependent last."""
     free = list(range(survey.system.v.numel()))
     followers = {j for j in free if speed_name(survey.system, j) in survey.followers}
     for _ in range(survey.rank):

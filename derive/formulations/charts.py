@@ -17,11 +17,11 @@ import numpy as np
 from derive.choices.locks import LOCK
 from derive.choices.named import carried_through
 from derive.choices.records import Guard
-from derive.choices.resolution import Resolved, ranked_partitions
-from derive.choices.survey import Survey
-from derive.diagnostics import HamelError, ModelError
+from derive.choices.resolution import Resolved, partition_for, ranked_partitions
+from derive.choices.survey import Survey, speed_name
+from derive.diagnostics import NAMES, HamelError, ModelError, listed
 from derive.formulations.frames import in_numbers
-from derive.formulations.limits import ENOUGH, MOST, SAFE, WORTH
+from derive.formulations.limits import DENSE, ENOUGH, MOST, SAFE, WORTH
 from derive.formulations.motion import with_frame
 from derive.formulations.records import Equations, Function
 from derive.numerics import NONZERO
@@ -45,14 +45,22 @@ def charted(found: Sequence[Equations], survey: Survey) -> Equations:
             raise ModelError(
                 f"choice '{name}' is named twice among the charts {BETWEEN.join(names)}"
             )
-    said = (
-        f"charts {', '.join(names)}: where one comes near a singular position, another takes over"
-    )
+    told = ", ".join(_told(name, survey) for name in names)
+    said = f"charts {told}: where one comes near a singular position, another takes over"
     first, *others = (
         replace(one, largest=_largest(_at_frame(one, _guards(one)), survey))
         for one in _of_one_frame(found)
     )
     return replace(first, charts=tuple(others), assumptions=(*first.assumptions, said))
+
+
+def _told(name: str, survey: Survey) -> str:
+    """The name of a choice; that of a partition of many velocities by the few it leaves out."""
+    words, system = set(name.split()), survey.system
+    if len(words) <= NAMES:
+        return name
+    known = [speed_name(system, j) for j in range(system.v.numel())]
+    return f"all but {listed(x for x in known if x not in words)}"
 
 
 def _of_one_frame(found: Sequence[Equations]) -> list[Equations]:
@@ -101,8 +109,9 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
     Where the file leaves the choice open, a pivot that is of both signs over the states, and so
     vanishes between them, is a reason, too: then a choice that is safe alone is a chart, too. Where
     none is, and no few are far from singular together, the orthonormal choice is the other chart:
-    it goes wherever A has full rank. Gimbal lock counts for nothing: it is one of the coordinates,
-    in any choice.
+    it goes wherever A has full rank. With more than DENSE quasi-velocities that choice takes many
+    times the operations, and partitions are the other charts all the same. Gimbal lock counts for
+    nothing: it is one of the coordinates, in any choice.
     """
     guards = tuple(x for x in _at_frame(first, _guards(first)) if not x.name.startswith(LOCK))
     here = _margins(guards, survey)
@@ -120,13 +129,51 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
         return charted([first, made(alone[0])], survey) if turns else first
     names = _together_safe(here, {k: _margins(x, survey) for k, x in others.items()})
     if turns and _least_between(guards, [others[name] for name in names], survey) < ENOUGH:
+        if survey.freedom > DENSE:
+            return _by_partitions(first, guards, others, survey, made)
         names = ["orthonormal"]
     return charted([first, *map(made, names)], survey) if names else first
 
 
+def _by_partitions(
+    first: Equations,
+    guards: tuple[Guard, ...],
+    others: dict[str, tuple[Guard, ...]],
+    survey: Survey,
+    made: Callable[[str], Equations],
+) -> Equations:
+    """With the partitions that are farthest from singular together over many states as charts, and
+    a word where that is not far."""
+    here = _margins(guards, survey, survey.many)
+    margins = {name: _margins(them, survey, survey.many) for name, them in others.items()}
+    names, together = _together(here, margins)
+    for _ in range(MOST - 2):
+        if np.min(together) >= SAFE:
+            break
+        further = partition_for(survey, int(np.argmin(together)))
+        if further is None or further.ranking.name in margins:
+            break
+        margins[further.ranking.name] = _margins(_guards_of(further), survey, survey.many)
+        names, together = _together(here, margins)
+    found = charted([first, *map(made, names)], survey) if names else first
+    if np.min(together) >= SAFE:
+        return found
+    said = (
+        "no few partitions are far from singular everywhere, and the choice orthonormal, which is, "
+        f"takes many operations: where a pivot vanishes, {first.choice}{BETWEEN}orthonormal goes on"
+    )
+    return replace(found, assumptions=(*found.assumptions, said))
+
+
 def _together_safe(here: np.ndarray, others: dict[str, np.ndarray]) -> list[str]:
     """Which charts to add so that every state is safe in one; none where no few do it."""
-    names: list[str] = []
+    names, margins = _together(here, others)
+    return names if np.min(margins) >= SAFE else []
+
+
+def _together(here: np.ndarray, others: dict[str, np.ndarray]) -> tuple[list[str], np.ndarray]:
+    """Which charts to add, as long as each brings much, and the margins of all together."""
+    names, others = list[str](), dict(others)
     while others and len(names) + 1 < MOST and np.min(here) < ENOUGH:
         best = max(others, key=lambda name: float(np.min(np.maximum(here, others[name]))))
         margins = np.maximum(here, others.pop(best))
@@ -134,7 +181,7 @@ def _together_safe(here: np.ndarray, others: dict[str, np.ndarray]) -> list[str]
             break
         here = margins
         names.append(best)
-    return names if np.min(here) >= SAFE else []
+    return names, here
 
 
 def _least_between(

@@ -9,6 +9,9 @@ SAFE = 0.03
 ENOUGH = 0.2
 WORTH = 2.0  # times as far from singular at the worst state: what a further chart has to bring
 MOST = 4  # charts that are looked for
+# quasi-velocities up to which the orthonormal choice, which is dense, is the other chart: with 15,
+# of a chain held at both ends, it takes ten times the operations of a partition, growing as n³
+DENSE = 12
 LOW = 0.2  # of the largest pivot seen when the equations were made: below this a chart is left ...
 BETTER = 2.0  # ... for one that is so much better, so that no two charts take turns
 

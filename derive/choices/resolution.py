@@ -330,20 +330,14 @@ def _best(survey: Survey, choice: Choice) -> Resolved:
     )
 
 
-def ranked_partitions(survey: Survey) -> list[Resolved]:
-    """Sets of generalized velocities (and the user's own rows) that determine the rest, best
-    first; worked out once for a survey."""
-    if not survey.partitions:
-        survey.partitions.extend(_ranked(survey))
-    return list(survey.partitions)
-
-
 def partition_for(survey: Survey, k: int) -> Resolved | None:
     """The partition that is far from singular at one of the `many` states."""
     return _try(survey, *suited(survey, k))
 
 
-def _ranked(survey: Survey) -> list[Resolved]:
+def ranked_partitions(survey: Survey) -> list[Resolved]:
+    """Sets of generalized velocities (and the user's own rows) that determine the rest, best
+    first."""
     finalists = sorted(candidates(survey), key=lambda x: x[0])[:FINALISTS]
     carried = [_try(survey, name, rows) for _, name, rows in finalists]
     carried += [

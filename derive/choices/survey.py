@@ -4,10 +4,9 @@ of its rows are independent."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product as cartesian
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -52,8 +51,6 @@ class Survey:
 
     system: System
     moving: bool = False
-    # what `resolution` found of it: `auto` asks, and which charts to add
-    partitions: list[Any] = field(default_factory=list[Any], compare=False, repr=False)
 
     @cached_property
     def solver(self) -> Kinematics:

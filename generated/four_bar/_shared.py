@@ -17,6 +17,8 @@ STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 1, 7
 DEFAULTS = np.array([0.2, 0.5, 0.4, 0.55, 1.0, 2.5, 2.0], dtype=float)
 DEFAULTS.flags.writeable = False
+INITIAL = np.array([1.0471975512, -0.576462152263, 1.58175280219, 5.0], dtype=float)
+INITIAL.flags.writeable = False
 ENTRIES = {"u": ": tau", "p": ": l1, l2, l3, l4, m1, m2, m3"}  # for messages
 
 # name: shape of the result, length of x, arguments it reads, what "singular" and "not converged" mean

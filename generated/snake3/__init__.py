@@ -30,6 +30,7 @@ units = {
     "p": ("m", "kg", "kg*m^2", ),
 }
 defaults = _shared.DEFAULTS  # of the parameters
+initial = _shared.INITIAL  # x at the model's initial values, to twelve digits; None where it has no consistent ones
 status = _shared.STATUS  # what the C functions return, by number
 functions = tuple(_shared.FUNCTIONS)
 threaded = _shared.threaded
@@ -109,8 +110,8 @@ def simulate(
 
 
 __all__ = [
-    "backend", "choice", "defaults", "formulation", "functions", "inputs", "name", "np_", "nu", "nx", "parameters", "states",
-    "status", "threaded", "units", "Event", "Events", "Simulation", "Status", "Stopped", "Table", "event_names", "integrators", "enforcements",
+    "backend", "choice", "defaults", "formulation", "functions", "initial", "inputs", "name", "np_", "nu", "nx", "parameters",
+    "states", "status", "threaded", "units", "Event", "Events", "Simulation", "Status", "Stopped", "Table", "event_names", "integrators", "enforcements",
     "dynamics",
     "mass",
     "bias",

@@ -17,6 +17,8 @@ STATUS = ("ok", "singular", "not_converged", "not_finite")
 NU, NP = 2, 3
 DEFAULTS = np.array([0.3, 1.0, 0.0075], dtype=float)
 DEFAULTS.flags.writeable = False
+INITIAL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], dtype=float)
+INITIAL.flags.writeable = False
 ENTRIES = {"u": ": tau1, tau2", "p": ": l, m, J"}  # for messages
 
 # name: shape of the result, length of x, arguments it reads, what "singular" and "not converged" mean

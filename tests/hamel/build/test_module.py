@@ -11,6 +11,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from codegen import compiler, loader
@@ -21,6 +22,7 @@ from derive.diagnostics import ToolchainError, VerificationError
 from hamel.build import module
 from hamel.build.module import module_in, published
 from tests.hamel.build.conftest import needs_compiler
+from tests.scenes import derived
 from tests.toy import toy
 
 pytestmark = needs_compiler
@@ -229,3 +231,16 @@ def test_build_py_compiles_what_can_be_checked(small: Program, tmp_path: Path) -
         os.unlink(folder / name)
     subprocess.run([sys.executable, "build.py"], cwd=folder, check=True, capture_output=True)
     assert module_in(folder).backend == "extension"
+
+
+@pytest.mark.slow
+@needs_compiler
+def test_a_module_knows_where_the_file_begins(tmp_path: Path) -> None:
+    """With the constraints met; nothing where the equations are of no model."""
+    four_bar = loader.load(published(program(derived("four_bar")), tmp_path / "four_bar").folder)
+    assert four_bar.initial[0] == pytest.approx(np.pi / 3, rel=1e-11)
+    assert np.abs(four_bar.constraints(0.0, four_bar.initial, [0.0])).max() < 1e-11
+    with pytest.raises(ValueError, match="read-only"):
+        four_bar.initial[0] = 0.0
+    alone = loader.load(published(program(toy()), tmp_path / "toy").folder)
+    assert alone.initial is None

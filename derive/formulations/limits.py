@@ -12,6 +12,9 @@ MOST = 4  # charts that are looked for
 # quasi-velocities up to which the orthonormal choice, which is dense, is the other chart: with 15,
 # of a chain held at both ends, it takes ten times the operations of a partition, growing as n³
 DENSE = 12
+# and up to which a motion goes on with it, which keeps more digits where it comes near singular
+# positions: with 27, of a rope of ten balls, it is not made within minutes
+TOO_DENSE = 24
 LOW = 0.2  # of the largest pivot seen when the equations were made: below this a chart is left ...
 BETTER = 2.0  # ... for one that is so much better, so that no two charts take turns
 

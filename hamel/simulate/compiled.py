@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
@@ -26,6 +27,7 @@ from derive.enforcement import Enforcement, Options, kept_equations, usual_rate
 from derive.formulations import equations
 from derive.formulations.charts import charted
 from derive.formulations.frames import based
+from derive.formulations.limits import TOO_DENSE
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.model.kinks import pieces
@@ -229,7 +231,9 @@ def _integrated(
     Raises Stiff where the integrator was picked and turns out to be the wrong one.
     """
     chosen = problem.equations(method.choice)
-    more = functools.cache(lambda: others(problem, chosen) if own_integrator(method) else [])
+    either = (partitions, others) if own_integrator(method) else ()
+    ways = (found for way in either if (found := way(problem, chosen)))
+    more = functools.cache(lambda: next(ways, []))
     try:
         return _motion(problem, chosen, method, times, progress, automatic, more)
     except motion.Final:
@@ -239,14 +243,16 @@ def _integrated(
     except AssumptionError as error:
         if not more():
             raise _explained(error, problem) from None
-        several = charted([chosen, *more()], survey_of(problem.system))
+        last: HamelError = error
+    for further in chain([more()], ways):
+        several = charted([chosen, *further], survey_of(problem.system))
         try:
             return _motion(problem, several, method, times, progress, automatic)
-        except (
-            AssumptionError,
-            VerificationError,
-        ) as last:  # where all charts together come to an end
-            raise _explained(last, problem) from None
+        except motion.Final as final:
+            raise _explained(final, problem) from None
+        except (AssumptionError, VerificationError) as end:
+            last = end  # where all charts together come to an end
+    raise _explained(last, problem) from None
 
 
 def _motion(
@@ -394,6 +400,18 @@ def _explained(error: HamelError, problem: Problem) -> HamelError:
     if isinstance(error, VerificationError):
         why = "no motion from it is determined"
     return AssumptionError(f"{system.model.name}: {start}, {repeats}: {why}", hint)
+
+
+def partitions(problem: Problem, chosen: Equations) -> list[Equations]:
+    """Of many quasi-velocities, whose orthonormal choice takes many times the operations: the
+    partitions that a module of the same choice gets as further charts."""
+    system = problem.system
+    first = chosen.choice == system.model.choices[0].name and len(chosen.w) > TOO_DENSE
+    if not system.rows or chosen.generalized_velocities or chosen.charts or not first:
+        return []
+    formulation = problem.plain.formulation
+    further = equations(system, None, formulation, charts=True, moving=True).charts
+    return [problem.equations(chart.choice) for chart in further]
 
 
 def others(problem: Problem, equations: Equations) -> list[Equations]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from rich.console import Console
 
+from derive.diagnostics import listed
 from hamel.records import Simulated
 from hamel.show import number
 
 MOST_SWITCHES = 5  # changes of choice that are told one by one
+FEW_NAMES = 6  # of the velocities of a partition
 
 
 def show(record: Simulated, console: Console) -> None:
@@ -63,10 +65,15 @@ def _show_charts(record: Simulated, console: Console) -> None:
         console.print(f"  charts used         {record.charts}")
     for switch in record.switches[:MOST_SWITCHES]:
         console.print(
-            f"  between {switch.time:.6g} s and {switch.before:.6g} s {switch.left} "
-            f"came near where it fails; {switch.entered} took over"
+            f"  between {switch.time:.6g} s and {switch.before:.6g} s {_chart(switch.left)} "
+            f"came near where it fails; {_chart(switch.entered)} took over"
         )
     more = len(record.switches) - MOST_SWITCHES
     if more > 0:
         last = record.switches[-1]
         console.print(f"  {more} more like these, the last before {last.before:.6g} s")
+
+
+def _chart(name: str) -> str:
+    """The name of a choice; of a partition of many velocities the first ones."""
+    return listed(name.split(), FEW_NAMES).replace(",", "") if " " in name else name

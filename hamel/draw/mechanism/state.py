@@ -23,6 +23,7 @@ from hamel.draw.mechanism.view import planar
 ZERO = math.radians(6.0)  # an angle that a drawing would not show
 TURNED = (20.0, -35.0, 40.0, -30.0, 35.0, -25.0)  # degrees, one after the other
 ROOM = (0.06, 0.22)  # between the origin and a platform, in sizes of the mechanism
+MOVED = 3.0  # times the largest change: farther off nothing moves, or it is put together otherwise
 ASIDE = 0.55  # of the other coordinates of a point, against gravity
 MOST = 60  # coordinates; in longer ones what is straight is shown straight
 INITIAL = "at the consistent initial state"
@@ -47,23 +48,26 @@ def configuration(system: System) -> Configuration:
     if not changes:
         return Configuration(start, p, INITIAL)
     for some in (changes, _half(changes)):
-        q = _near(system, some)
+        q = _near(system, some, start)
         if q is None:
             continue
-        away = _near(system, some | _platforms(system, q, p))
+        away = _near(system, some | _platforms(system, q, p), start)
         names = tuple(some)
         listed = ", ".join(names) if len(names) <= 4 else f"{len(names)} coordinates"
         return Configuration(q if away is None else away, p, NEARBY.format(names=listed), names)
     return Configuration(start, p, INITIAL)
 
 
-def _near(system: System, changes: dict[str, float]) -> np.ndarray | None:
-    """The consistent state with these changes, where there is one."""
+def _near(system: System, changes: dict[str, float], start: np.ndarray) -> np.ndarray | None:
+    """The consistent state with these changes, where there is one not far from the start."""
     try:
         near = initial_state(system, changes)
     except HamelError:
         return None
-    return near.q if np.isfinite(near.q).all() and _kept(system, near.q, changes) else None
+    if not np.isfinite(near.q).all() or not _kept(system, near.q, changes):
+        return None
+    largest = max(map(abs, changes.values()))
+    return near.q if np.max(np.abs(near.q - start)) <= MOVED * largest else None
 
 
 def _kept(system: System, q: np.ndarray, changes: dict[str, float]) -> bool:

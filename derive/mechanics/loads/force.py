@@ -20,7 +20,8 @@ from derive.model.load_records import Force
 
 
 def force(scene: Scene, load: Force) -> Applied:
-    """Jᵀ f with J v the velocity of the point, f in ground axes (N): its power is f · J v."""
+    """Jᵀ f with J v the velocity of the point, f in ground axes (N): its power is f · J v. Of far
+    links (r × f, f) is handed down from link to link instead."""
     s = scene.symbols
     place = scene.places[load.body]
     if scene.is_deep(place.link):

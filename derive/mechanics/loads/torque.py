@@ -19,7 +19,7 @@ from derive.model.load_records import Torque
 
 def torque(scene: Scene, load: Torque) -> Applied:
     """Jωᵀ n with Jω v the body's angular velocity in ground axes, n in N m: Σ columns of Jω, found
-    from the links' own recursion."""
+    from the links' own recursion; of far links (n, 0) is handed down from link to link."""
     s = scene.symbols
     place = scene.places[load.body]
     if place.link < 0:

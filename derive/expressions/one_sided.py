@@ -49,16 +49,32 @@ def gradient(value: ca.SX, by: ca.SX) -> ca.SX:
         return ca.gradient(value, by)
     sides = _Sides()
     whole = _rebuilt(program, symbols, sides)
+    if not sides.symbols:
+        return ca.gradient(value, by)
     result = ca.densify(ca.gradient(whole, by))
-    slopes = [ca.gradient(whole, symbol) for symbol in sides.symbols]
-    for k in reversed(range(len(slopes))):
-        z, through = sides.inside[k], slopes[k] * _step(sides, k, slopes[k])
-        result += through * ca.gradient(z, by)
-        for earlier in range(k):
-            slopes[earlier] += through * ca.gradient(z, sides.symbols[earlier])
-    for symbol, meant in zip(reversed(sides.symbols), reversed(sides.meant)):
-        result = ca.substitute(result, symbol, meant)
+    every = ca.vertcat(*sides.symbols)
+    slopes = ca.vertsplit(ca.densify(ca.gradient(whole, every)))
+    levels = _levels(sides, every)
+    for level in levels:
+        z = ca.vertcat(*[sides.inside[k] for k in level])
+        through = ca.vertcat(*[slopes[k] * _step(sides, k, slopes[k]) for k in level])
+        result += ca.jtimes(z, by, through, True)
+        further = ca.vertsplit(ca.densify(ca.jtimes(z, every, through, True)))
+        slopes = [slope + more for slope, more in zip(slopes, further)]
+    for level in levels:
+        symbols_of, meant = ([x[k] for k in level] for x in (sides.symbols, sides.meant))
+        result = ca.substitute(result, ca.vertcat(*symbols_of), ca.vertcat(*meant))
     return result
+
+
+def _levels(sides: _Sides, every: ca.SX) -> list[list[int]]:
+    """Sides that do not stand in each other together, before those that stand in them."""
+    within = ca.jacobian_sparsity(ca.vertcat(*sides.inside), every)
+    depth = [0] * len(sides.symbols)
+    for k, other in sorted(zip(*within.get_triplet())):
+        depth[k] = max(depth[k], depth[other] + 1)
+    deepest = range(max(depth), -1, -1)
+    return [[k for k, d in enumerate(depth) if d == level] for level in deepest]
 
 
 def _rebuilt(program: Listing, symbols: ca.SX, sides: _Sides) -> ca.SX:

@@ -9,7 +9,7 @@ import casadi as ca
 
 from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.analytic import Lagrangian
-from derive.mechanics.loads import Applied
+from derive.mechanics.loads import Loads
 from derive.mechanics.scene import Scene
 from derive.mechanics.states import energy_of_states
 from derive.mechanics.tree import gravity_energy, kinetic_energy
@@ -25,7 +25,7 @@ class Energies:
     """
 
     scene: Scene
-    loads: Applied
+    loads: Loads
     extra: Lagrangian
     gravity: Vector
     zdot: ca.SX
@@ -39,7 +39,7 @@ class Energies:
     @functools.cached_property
     def potential(self) -> ca.SX:
         """V, what states store included."""
-        still = self._lifted + self.extra.V + self.loads.energy
+        still = self._lifted + self.extra.V + self.loads.stored
         return still + self._stored if self.scene.model.states else still
 
     @functools.cached_property
@@ -52,10 +52,10 @@ class Energies:
     def power(self) -> ca.SX:
         """Of the loads' forces, and what changes with time by itself. Where a mass depends on t,
         M v̇ has no part Ṁ v: what leaves takes ½ ṁ v² along."""
-        s, formulas = self.scene.symbols, self.extra.V + self.loads.energy
+        s, formulas = self.scene.symbols, self.extra.V + self.loads.stored
         told = formulas if self.only_formulas else self.potential + self._of_links
         by_time = ca.jtimes(ca.SX(told), s.t, ca.SX(1)) - self.extra.explicit
-        given = ca.dot(self.loads.force, s.v) + by_time
+        given = self.loads.power + by_time
         states = self.scene.model.states
         return given + ca.jtimes(self._stored, s.z, self.zdot) if states else given
 

@@ -98,7 +98,7 @@ def angular_velocity(scene: Scene, place: Place) -> Vector:
     """ω of the body in ground axes, rad/s; links carry theirs in their own axes."""
     if place.link < 0:
         return NOTHING
-    return rotated(scene.rotations[place.link], scene.omegas[place.link])
+    return rotated(scene.rotations[place.link], scene.twist(place.link)[0])
 
 
 def on_ground(scene: Scene, body: str, point: Vector3) -> ca.SX:

@@ -11,7 +11,7 @@ import casadi as ca
 
 from derive.expressions.scalars import Vector
 from derive.mechanics.limits import DEEP, DEEP_IN_PLANE
-from derive.mechanics.motion import Numbers
+from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import Link, Place, Row, RowForm, Spinless
 from derive.mechanics.symbols import Symbols
 from derive.mechanics.tree import (
@@ -37,7 +37,8 @@ NOTHING: Vector = [0.0, 0.0, 0.0]
 @dataclass(frozen=True)
 class Scene:
     """What a constraint needs to know: symbols, q̇ = N v, and where every body is; `frame` where the
-    links are those of a tree with a further frame (derive.mechanics.carriers)."""
+    links are those of a tree with a further frame (derive.mechanics.carriers). `carrier` and
+    `beyond` where the axes are those of a link: it stands still, and what lies beyond it moves."""
 
     model: Model
     symbols: Symbols
@@ -45,6 +46,8 @@ class Scene:
     links: tuple[Link, ...]
     places: dict[str, Place]
     frame: Spinless | None = None
+    carrier: int = -1
+    beyond: tuple[int, ...] | None = None
 
     @cached_property
     def rotations(self) -> Rotations:
@@ -69,6 +72,22 @@ class Scene:
         """Angular velocities of the links, in their frames."""
         return [list(angular) for angular, _ in self.numbers]
 
+    def twist(self, link: int) -> Numbers:
+        """(ω, v) of a link, or the ground, against what stands still here, in its frame."""
+        if link < 0:
+            return STILL
+        return self.numbers[link] if self.beyond is None else self._relative[link]
+
+    @cached_property
+    def _relative(self) -> dict[int, Numbers]:
+        """Twists against the carrier."""
+        found: dict[int, Numbers] = {self.carrier: STILL}
+        for i in self.beyond or ():
+            link = self.links[i]
+            own: Vector = [self.symbols.v[j] for j in link.columns]
+            found[i] = child_numbers(link, found[link.parent], own)
+        return found
+
     def is_deep(self, link: int) -> bool:
         """Are there many links on the way to it?"""
         most = DEEP_IN_PLANE if self.model.plane else DEEP
@@ -92,7 +111,9 @@ class Scene:
         if not beyond:
             resting = {body: replace(self.places[body], link=-1) for body in bodies}
             return replace(self, places=self.places | resting)
-        return self._placed(carrier, beyond, self.rotations)
+        near = self.with_symbols(self.symbols)
+        vars(near)["positions"] = self._positions(carrier, beyond, self.rotations)
+        return near
 
     def among(self, bodies: Sequence[str]) -> Scene:
         """The same in the axes of that link, for what has no other axes than those of the bodies:
@@ -105,20 +126,21 @@ class Scene:
         if carrier < 0 or not beyond:
             return self
         rotations = rotations_on(self.links, carrier, beyond)
-        near = self._placed(carrier, beyond, rotations)
+        near = replace(self, carrier=carrier, beyond=tuple(beyond))
         vars(near)["rotations"] = rotations
+        vars(near)["positions"] = self._positions(carrier, beyond, rotations)
         return near
 
-    def _placed(self, carrier: int, beyond: Sequence[int], rotations: Rotations) -> Scene:
-        """With the origins of what lies beyond the carrier as seen from it."""
+    def _positions(
+        self, carrier: int, beyond: Sequence[int], rotations: Rotations
+    ) -> dict[int, Vector]:
+        """The origins of what lies beyond the carrier as seen from it."""
         found: dict[int, Vector] = {carrier: NOTHING}
         for i in beyond:
             link = self.links[i]
             above = (found[link.parent], rotations[link.parent])
             found[i] = origin_on(above, link, rotations[i])
-        near = self.with_symbols(self.symbols)
-        vars(near)["positions"] = found
-        return near
+        return found
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """d/dt of a function of t and q: ∂/∂t + ∂/∂q N v."""

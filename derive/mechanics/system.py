@@ -25,7 +25,7 @@ from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.layouts import layouts
 from derive.mechanics.limits import FEW, LONG, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
-from derive.mechanics.loads import Applied, applied, armatures
+from derive.mechanics.loads import Loads, applied, armatures
 from derive.mechanics.measures import with_measures
 from derive.mechanics.motion import (
     REST,
@@ -86,7 +86,7 @@ def _assembled(
     scene: Scene,
     baked: tuple[str, ...],
     found: list[Block],
-    forces: tuple[Applied, ca.SX],
+    forces: tuple[Loads, ca.SX],
     extra: Lagrangian,
     g: Vector,
 ) -> tuple[System, ca.SX]:
@@ -107,7 +107,7 @@ def _assembled(
     # q̇ is linear in v, so its Jacobian is N itself
     N = ca.jacobian(scene.qdot, s.v)
     # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q
-    Q = loads.force - ca.mtimes(N.T, gradient(loads.energy, s.q))
+    Q = loads.force - ca.mtimes(N.T, gradient(loads.sloped, s.q))
     of = Energies(scene, loads, extra, g, rates_of_states(scene), late)
 
     def bias() -> ca.SX:

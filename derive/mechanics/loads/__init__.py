@@ -6,11 +6,12 @@ One file each, one line each in LAWS. The language half of a load is one file in
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.joints.rotations import sum_of
+from derive.joints.rotations import dot
+from derive.joints.rotations import plus as plus_of
 from derive.mechanics.loads.armature import ARMATURE, armatures
 from derive.mechanics.loads.bushing import BUSHING
 from derive.mechanics.loads.contact import CONTACT
@@ -19,7 +20,7 @@ from derive.mechanics.loads.exhaust import EXHAUST
 from derive.mechanics.loads.expression import EXPRESSION
 from derive.mechanics.loads.force import FORCE
 from derive.mechanics.loads.friction import JOINT_FRICTION
-from derive.mechanics.loads.records import Applied, Law, along, plus
+from derive.mechanics.loads.records import NONE, Applied, Couples, Law, all_of, along, plus
 from derive.mechanics.loads.spring import BALL_SPRING, JOINT_SPRING, POINT_SPRING
 from derive.mechanics.loads.tension import TENSION
 from derive.mechanics.loads.torque import TORQUE
@@ -28,7 +29,7 @@ from derive.mechanics.scene import Scene
 from derive.mechanics.tree import Wrench, joint_forces
 from derive.model.rows import row_names
 
-__all__ = ["LAWS", "Applied", "Law", "along", "applied", "armatures"]
+__all__ = ["LAWS", "Applied", "Law", "Loads", "along", "applied", "armatures"]
 
 LAWS = (
     JOINT_SPRING,
@@ -49,51 +50,64 @@ LAWS = (
 LAW_OF = {law.record: law.applied for law in LAWS}
 
 
-def applied(scene: Scene) -> tuple[Applied, ca.SX]:
-    """The potential energy V (J) of springs, bushings and contacts, and the forces without
-    potential conjugate to v (nv), summed over loads and inputs; apart from them the forces that
-    use reactions of the ideal problem. Of springs no force is formed here: the assembly
-    differentiates V."""
-    energy, force = ca.SX(0), ca.SX.zeros(scene.symbols.v.numel())
-    reacting = ca.SX.zeros(scene.symbols.v.numel())
+@dataclass(frozen=True)
+class Loads:
+    """Of all loads and inputs together: the potential energy `stored` (J); of it `sloped`, of which
+    no force is formed here, as the assembly differentiates it; `force` (nv), everything else,
+    conjugate to v; and the `power` (W) of what has no potential."""
+
+    stored: ca.SX
+    sloped: ca.SX
+    force: ca.SX
+    power: ca.SX
+
+
+def applied(scene: Scene) -> tuple[Loads, ca.SX]:
+    """The loads, and apart from them the forces, conjugate to v (nv), that use reactions of the
+    ideal problem."""
+    nv = scene.symbols.v.numel()
+    stored, sloped, force, reacting = ca.SX(0), ca.SX(0), ca.SX.zeros(nv), ca.SX.zeros(nv)
+    lost: list[Couples] = []
+    every: list[Couples] = []
+    reacting_couples: list[Couples] = []
     reactions = scene.symbols.reactions(row_names(scene.model))
-    couples: dict[int, Wrench] = {}
-    reacting_couples: dict[int, Wrench] = {}
     for load in scene.model.loads:
         one = LAW_OF[type(load)](scene, load)
-        energy = energy + one.energy
-        given = ca.vertcat(
-            one.force, *[ca.SX(x) for n, f in one.couples.values() for x in (*n, *f)]
-        )
-        if reactions.numel() and ca.depends_on(given, reactions):
+        stored, sloped = stored + one.stored, sloped + one.energy
+        if reactions.numel() and ca.depends_on(one.every_force, reactions):
             reacting = plus(reacting, one.force)
-            _add(reacting_couples, one.couples)
+            reacting_couples.append(one.couples)
         else:
             force = plus(force, one.force)
-            _add(couples, one.couples)
-    force = plus(force, _carried(scene, couples))
-    reacting = plus(reacting, _carried(scene, reacting_couples))
+            lost.append(one.couples)
+        every.append(one.pulls)
     for item in scene.model.inputs:
         if item.velocity:
             gear = scene.symbols.scalar(item.gear)
             driven = gear * scene.symbols.names[item.name]
             force = plus(force, along(scene, item.velocity, driven))
-    return Applied(energy, scene.over_v(force)), scene.over_v(reacting)
+    couples = all_of(*lost)
+    power = ca.dot(force, scene.symbols.v) + _power(scene, couples)
+    force = plus(force, _carried(scene, all_of(couples, *every)))
+    reacting = plus(reacting, _carried(scene, all_of(*reacting_couples)))
+    return (
+        Loads(stored + sloped, sloped, scene.over_v(force), scene.over_v(power)),
+        scene.over_v(reacting),
+    )
 
 
-def _add(total: dict[int, Wrench], couples: Mapping[int, Wrench]) -> None:
-    for link, (moment, force) in couples.items():
-        before = total.get(link)
-        total[link] = (
-            (sum_of(before[0], moment), sum_of(before[1], force)) if before else (moment, force)
-        )
+def _power(scene: Scene, couples: Couples) -> ca.SX:
+    """Σ n · ω + f · v."""
+    twists = [(scene.numbers[link], couple) for link, couple in couples.items()]
+    given = [plus_of(dot(n, omega), dot(f, v)) for (omega, v), (n, f) in twists]
+    return sum((ca.SX(x) for x in given), ca.SX(0))
 
 
-def _carried(scene: Scene, couples: Mapping[int, Wrench]) -> ca.SX:
+def _carried(scene: Scene, couples: Couples) -> ca.SX:
     """Handed down from link to link; each joint takes what does work on it."""
     nv = scene.symbols.v.numel()
     if not couples:
         return ca.SX(nv, 1)
-    none: Wrench = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    none: Wrench = (NONE, NONE)
     every = [couples.get(i, none) for i in range(len(scene.links))]
     return ca.vertcat(*[ca.SX(x) for x in joint_forces(scene.links, every, nv)])

@@ -13,9 +13,19 @@ import casadi as ca
 
 from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.frames import angular_velocity, ground_rotation, on_ground
-from derive.mechanics.loads.records import Applied, Law
+from derive.mechanics.loads.points import (
+    Point,
+    are_far,
+    pair,
+    point_at,
+    point_of,
+    shifted,
+    velocity,
+)
+from derive.mechanics.loads.records import NONE, Applied, Law, all_of
 from derive.mechanics.scene import IN_PLANE, NORMAL, Scene
 from derive.mechanics.surfaces import surface_over
+from derive.mechanics.symbols import Symbols
 from derive.model.load_records import Contact
 from derive.model.space import ORIGIN
 
@@ -23,26 +33,64 @@ from derive.model.space import ORIGIN
 @dataclass(frozen=True)
 class Touch:
     """Height above the plane (m), its normal and the arm from the shape's centre to its lowest
-    point, in ground axes."""
+    point, in ground axes. `slope`: how the height grows where the point at `foot`, an arm like the
+    other, moves."""
 
     height: ca.SX
     normal: ca.SX
     arm: ca.SX
+    slope: ca.SX
+    foot: ca.SX
 
 
 def contact(scene: Scene, load: Contact) -> Applied:
     """½ k δ², and the forces that dissipate."""
+    bodies = (load.body, load.carrier)
+    if are_far(scene, bodies):
+        return _far(scene, load)
+    near = scene if scene.frame else scene.among(bodies)
+    s = scene.symbols
+    touch = _touch(near, load)
+    rate = near.rate(touch.height)
+    pressure, factor = _pressure(s, load, touch, rate)
+    damping = ca.SX(pressure * (factor - 1)) * ca.jacobian(rate, s.v).T
+    slip = _slip(near, load, touch)
+    rubbing = pressure * factor * _grip(near, load, touch, slip)
+    return Applied(_energy(s, load, touch), damping + ca.jtimes(slip, s.v, rubbing, True))
+
+
+def _far(scene: Scene, load: Contact) -> Applied:
+    """The same from link to link: ∂height/∂v is the velocity of the foot along the slope, as the
+    lowest point moves along the plane alone."""
     s = scene.symbols
     touch = _touch(scene, load)
-    k, d = s.scalar(load.stiffness), s.scalar(load.damping)
-    depth = ca.fmax(0, -touch.height)
-    energy = ca.SX(0.5 * k * depth * depth)
-    rate = scene.rate(touch.height)
-    factor = ca.fmax(0, 1 - d * rate)
-    damping = ca.SX(k * depth * (factor - 1)) * ca.jacobian(rate, s.v).T
+    feet = _points(scene, load, touch.foot)
+    rate = ca.dot(touch.slope, _apart(scene, feet))
+    pressure, factor = _pressure(s, load, touch, rate)
     slip = _slip(scene, load, touch)
-    rubbing = k * depth * factor * _grip(scene, load, touch, slip)
-    return Applied(energy, damping + ca.jtimes(slip, s.v, rubbing, True))
+    rubbing = pressure * factor * _grip(scene, load, touch, slip)
+    damping = pair(scene, feet, _entries(pressure * (factor - 1) * touch.slope))
+    return Applied(
+        ca.SX(0),
+        ca.SX.zeros(s.v.numel()),
+        all_of(damping, pair(scene, _points(scene, load, touch.arm), _entries(rubbing))),
+        stored=_energy(s, load, touch),
+        pulls=pair(scene, feet, _entries(pressure * touch.slope)),
+    )
+
+
+def _depth(touch: Touch) -> ca.SX:
+    return ca.fmax(0, -touch.height)
+
+
+def _energy(s: Symbols, load: Contact, touch: Touch) -> ca.SX:
+    return ca.SX(0.5 * s.scalar(load.stiffness) * _depth(touch) * _depth(touch))
+
+
+def _pressure(s: Symbols, load: Contact, touch: Touch, rate: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """k δ, and the factor that damping makes of it."""
+    factor = ca.fmax(0, 1 - s.scalar(load.damping) * rate)
+    return ca.SX(s.scalar(load.stiffness) * _depth(touch)), factor
 
 
 def _grip(scene: Scene, load: Contact, touch: Touch, slip: ca.SX) -> ca.SX:
@@ -93,7 +141,7 @@ def _touch(scene: Scene, load: Contact) -> Touch:
     normal = ca.mtimes(R, ca.vertcat(*s.vector(load.normal)))
     arm = _arm(scene, load, normal)
     gap = centre + arm - on_ground(scene, load.carrier, load.origin)
-    return Touch(ca.dot(normal, gap), normal, arm)
+    return Touch(ca.dot(normal, gap), normal, arm, normal, arm)
 
 
 def _rotation(scene: Scene, body: str) -> ca.SX:
@@ -126,7 +174,8 @@ def _on_surface(scene: Scene, load: Contact, centre: ca.SX, R: ca.SX) -> Touch:
     inside = ca.mtimes(R.T, centre - on_ground(scene, load.carrier, ORIGIN))
     height, along = ca.substitute([f / size, slope / size], [point], [inside])
     normal, radius = ca.mtimes(R, along), s.scalar(load.radius)
-    return Touch(height - radius, normal, -radius * normal)
+    growth = ca.mtimes(R, ca.substitute(ca.gradient(f / size, point), point, inside))
+    return Touch(height - radius, normal, -radius * normal, growth, ca.SX.zeros(3))
 
 
 def _slip(scene: Scene, load: Contact, touch: Touch) -> ca.SX:
@@ -139,11 +188,33 @@ def _slip(scene: Scene, load: Contact, touch: Touch) -> ca.SX:
 def _against(scene: Scene, load: Contact, arm: ca.SX) -> ca.SX:
     """Velocity of the body's material point at an arm from the shape's centre, against the
     carrier's there."""
+    if are_far(scene, (load.body, load.carrier)):
+        return _apart(scene, _points(scene, load, arm))
     centre = on_ground(scene, load.body, load.centre)
     base = on_ground(scene, load.carrier, ORIGIN)
     first, second = (_omega(scene, body) for body in (load.body, load.carrier))
     own = scene.rate(centre) + ca.cross(first, arm)
     return own - scene.rate(base) - ca.cross(second, centre + arm - base)
+
+
+def _points(scene: Scene, load: Contact, arm: ca.SX) -> tuple[Point, Point]:
+    """Of the carrier and of the body, at an arm from the shape's centre."""
+    centre = point_of(scene, load.body, scene.symbols.vector(load.centre))
+    touching = shifted(scene, centre, _entries(arm))
+    if scene.places[load.carrier].link < 0:
+        return Point(-1, NONE), touching
+    there = on_ground(scene, load.body, load.centre) + arm
+    return point_at(scene, load.carrier, _entries(there)), touching
+
+
+def _apart(scene: Scene, points: tuple[Point, Point]) -> ca.SX:
+    """Velocity of the second against the first."""
+    first, second = (ca.vertcat(*velocity(scene, point)) for point in points)
+    return ca.SX(second - first)
+
+
+def _entries(column: ca.SX) -> Vector:
+    return [column[k] for k in range(3)]
 
 
 def _omega(scene: Scene, body: str) -> ca.SX:

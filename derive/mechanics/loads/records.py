@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 
 from derive.expressions.scalars import Scalar, Vector
-from derive.joints.rotations import rotated, transpose
+from derive.joints.rotations import rotated, sum_of, transpose
 from derive.mechanics.limits import FEW_ENTRIES
 from derive.mechanics.named_frames import place_of
 from derive.mechanics.scene import Scene
@@ -17,22 +17,27 @@ from derive.mechanics.tree import Wrench, ground_point, link_direction
 from derive.model.named_frames import frame_named
 from derive.model.records import GROUND
 
+Couples = Mapping[int, Wrench]  # moments and forces on links, about their origins, in their axes
+NONE: Vector = [0.0, 0.0, 0.0]
+
 
 @dataclass(frozen=True)
 class Applied:
-    """`energy` is a potential; `force` (nv × 1) is conjugate to v and has no potential; `couples`
-    are moments and forces on links, about their origins and along their axes, which go from link
-    to link together with those of other loads."""
+    """`energy` is a potential, of which the assembly takes the gradient; `force` (nv × 1) is
+    conjugate to v and has no potential. Couples go from link to link together with those of other
+    loads: `couples` have no potential, and `pulls` are those of the potential `stored`."""
 
     energy: ca.SX
     force: ca.SX
-    couples: Mapping[int, Wrench] = field(default_factory=dict[int, Wrench])
+    couples: Couples = field(default_factory=dict[int, Wrench])
+    stored: ca.SX = field(default_factory=lambda: ca.SX(0))
+    pulls: Couples = field(default_factory=dict[int, Wrench])
 
     @property
     def every_force(self) -> ca.SX:
         """In one column, to look through."""
-        parts = [ca.SX(x) for n, f in self.couples.values() for x in (*n, *f)]
-        return ca.vertcat(self.force, *parts)
+        both = [*self.couples.values(), *self.pulls.values()]
+        return ca.vertcat(self.force, *[ca.SX(x) for n, f in both for x in (*n, *f)])
 
 
 @dataclass(frozen=True)
@@ -81,9 +86,19 @@ def rate_of(scene: Scene, velocity: str) -> ca.SX:
     return ca.SX(scene.symbols.names[velocity] if rate is None else rate)
 
 
-def couple_alone(scene: Scene, link: int, couple: Wrench) -> Applied:
-    """A moment and a force on a link, likewise."""
-    return Applied(ca.SX(0), ca.SX.zeros(scene.symbols.v.numel()), {link: couple})
+def couples_alone(scene: Scene, couples: Couples) -> Applied:
+    """Moments and forces on links, likewise."""
+    return Applied(ca.SX(0), ca.SX.zeros(scene.symbols.v.numel()), couples)
+
+
+def all_of(*parts: Couples) -> dict[int, Wrench]:
+    """Couples on the same links added up."""
+    total: dict[int, Wrench] = {}
+    for part in parts:
+        for link, (moment, force) in part.items():
+            n, f = total.get(link, (NONE, NONE))
+            total[link] = sum_of(n, moment), sum_of(f, force)
+    return total
 
 
 def in_link(scene: Scene, body: str, frame: str, components: Vector) -> Vector:

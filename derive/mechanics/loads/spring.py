@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 
-from derive.joints.rotations import difference
+from derive.joints.rotations import difference, dot, scaled, times
 from derive.mechanics.limits import AT_REST
+from derive.mechanics.loads.points import are_far, pair, point_of, position, velocity
 from derive.mechanics.loads.records import Applied, Law, in_ground
 from derive.mechanics.paths import check_apart
 from derive.mechanics.scene import Scene
@@ -41,6 +42,8 @@ def point_spring(scene: Scene, load: PointSpring) -> Applied:
     """V = ½ k (d − length)² and, through d = |p₂ − p₁|, the damping force −damping ḋ ∂d/∂q carried
     over to v. Singular where the two points meet; ModelError where they always do. What carries
     both points is no part of it."""
+    if are_far(scene, load.bodies):
+        return _far(scene, load)
     s, near = scene.symbols, scene.among(load.bodies)
     ends = [in_ground(near, body, s.vector(point)) for body, point in zip(load.bodies, load.points)]
     apart = difference(ends[1], ends[0])
@@ -54,6 +57,29 @@ def point_spring(scene: Scene, load: PointSpring) -> Applied:
         return Applied(energy, ca.SX.zeros(s.v.numel()))
     rate = scene.rate(distance)
     return Applied(energy, -damping * rate * ca.jacobian(rate, s.v).T)
+
+
+def _far(scene: Scene, load: PointSpring) -> Applied:
+    """The same from link to link: −(k (d − length) + damping ḋ) along the line."""
+    s = scene.symbols
+    first, second = (
+        point_of(scene, body, s.vector(x)) for body, x in zip(load.bodies, load.points)
+    )
+    apart = difference(*(position(scene, x) for x in (second, first)))
+    check_apart(scene, apart, load.name, load.span)
+    distance = ca.sqrt(dot(apart, apart))
+    along = [x / distance for x in apart]
+    stretch = distance - s.scalar(load.length)
+    pull = times(s.scalar(load.stiffness), stretch)
+    moving = difference(velocity(scene, second), velocity(scene, first))
+    drag = times(s.scalar(load.damping), dot(along, moving))
+    return Applied(
+        ca.SX(0),
+        ca.SX.zeros(s.v.numel()),
+        pair(scene, (second, first), scaled(drag, along)),
+        stored=ca.SX(0.5 * pull * stretch),
+        pulls=pair(scene, (second, first), scaled(pull, along)),
+    )
 
 
 BALL_SPRING = Law(BallSpring, ball_spring)

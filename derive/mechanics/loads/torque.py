@@ -9,7 +9,7 @@ from derive.mechanics.loads.records import (
     Applied,
     Law,
     components_in_ground,
-    couple_alone,
+    couples_alone,
     force_alone,
     in_link,
 )
@@ -26,7 +26,7 @@ def torque(scene: Scene, load: Torque) -> Applied:
         return force_alone(scene, ca.SX.zeros(s.v.numel()))
     if scene.is_deep(place.link):
         moment = in_link(scene, load.body, load.frame, s.vector(load.components))
-        return couple_alone(scene, place.link, (moment, [0.0, 0.0, 0.0]))
+        return couples_alone(scene, {place.link: (moment, [0.0, 0.0, 0.0])})
     applied = ca.vertcat(
         *components_in_ground(scene, load.body, load.frame, s.vector(load.components))
     )

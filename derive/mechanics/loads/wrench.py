@@ -9,7 +9,7 @@ from derive.mechanics.loads.records import (
     Applied,
     Law,
     components_in_ground,
-    couple_alone,
+    couples_alone,
     force_alone,
 )
 from derive.mechanics.named_frames import place_of
@@ -34,7 +34,7 @@ def wrench(scene: Scene, load: Wrench) -> Applied:
         on_ground = [components_in_ground(scene, frame.body, load.axes, x) for x in given]
         force, moment = (rotated(to_link, x) for x in on_ground)
     couple = (sum_of(moment, cross(place.position, force)), force)
-    return couple_alone(scene, place.link, couple)
+    return couples_alone(scene, {place.link: couple})
 
 
 WRENCH = Law(Wrench, wrench)

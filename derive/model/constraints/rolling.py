@@ -166,7 +166,6 @@ def rolling(
         else ZERO
     )
     plane = entry.plane
-    carrier = entry.of if plane is None else plane.of
     if (plane is None) == (entry.surface is None):
         reader.report(key.span, f"'{key}' does not say what it rolls on", "one of plane, surface")
     if entry.surface is not None and not reader.space.plane and SHAPES[kind] != "sphere":
@@ -185,7 +184,7 @@ def rolling(
         origin=reader.point(None if plane is None else plane.origin, "a point"),
         normal=reader.space.normal if plane is None else reader.direction(plane.normal, "a normal"),
         span=key.span,
-        carrier=carrier_of(reader, document, key, entry.body, carrier),
+        carrier=carrier_of(reader, document, key, entry.body, plane, entry.of),
         surface=None if entry.surface is None else surface(reader, entry.surface),
         shape=SHAPES[kind],
         tube=tube,
@@ -193,9 +192,20 @@ def rolling(
 
 
 def carrier_of(
-    reader: Reader, document: Bodies, key: Key, body: Scalar, carrier: Scalar | None
+    reader: Reader,
+    document: Bodies,
+    key: Key,
+    body: Scalar,
+    plane: PlaneEntry | None,
+    of: Scalar | None,
 ) -> str:
-    """The body that a plane or surface is fixed to; the ground where none is named."""
+    """The body that a plane (where it says so) or a surface (`of`) is fixed to; the ground where
+    none is named."""
+    if plane is not None and of is not None:
+        reader.report(
+            of.span, f"'of' beside the plane of '{key}'", f"plane: {{..., of: {of.text}}}"
+        )
+    carrier = of if plane is None else plane.of
     if carrier is None:
         return GROUND
     result = some_body(reader, document, carrier)

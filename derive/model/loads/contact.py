@@ -131,7 +131,6 @@ def contact(
         reader.report(key.span, f"a {kind} on a surface, '{key}'", "a point or a sphere")
     if kind == "torus":
         reader.report(key.span, f"the shape of '{key}' is a torus", "a point, sphere or wheel")
-    carrier = entry.of if entry.plane is None else entry.plane.of
     plane = entry.plane
     return Contact(
         name=str(key),
@@ -142,7 +141,7 @@ def contact(
         if shape is None
         else length(reader, shape.radius, "a radius", f"the radius of '{key}'"),
         axis=axis_of(reader, key, kind, shape),
-        carrier=carrier_of(reader, document, key, entry.body, carrier),
+        carrier=carrier_of(reader, document, key, entry.body, plane, entry.of),
         origin=reader.point(None if plane is None else plane.origin, "a point"),
         normal=reader.space.normal if plane is None else reader.direction(plane.normal, "a normal"),
         surface=None if entry.surface is None else surface(reader, entry.surface),

@@ -47,6 +47,20 @@ joints: {rail: {type: prismatic, parent: ground, child: rocket, axis: z, coordin
 """
 
 
+FAR = """
+model: far
+gravity: [0, 0, -9.81 m/s^2]
+bodies:
+  a: {mass: 1 kg, com: [0.1, 0, 0], inertia: [0.01, 0.02, 0.03]}
+  b: {mass: 1 kg, com: [0.1, 0, 0], inertia: [0.01, 0.02, 0.03]}
+  r: {mass: "2 kg - (0.1 kg/s)*t", com: [0.1, 0, 0], inertia: [0.01, 0.02, 0.03], exhaust: {velocity: [-20 m/s, 3 m/s, 0]}}
+joints:
+  A: {type: revolute, parent: ground, child: a, axis: z}
+  B: {type: revolute, parent: a, child: b, axis: y, at: [0.3, 0, 0]}
+  C: {type: revolute, parent: b, child: r, axis: x, at: [0.3, 0.1, 0]}
+"""
+
+
 def test_equals_the_form_by_hand() -> None:
     """Meshchersky: m z̈ = −m g + ṁ (−u)."""
     found = system(load_text(UP))
@@ -60,7 +74,7 @@ def test_equals_the_form_by_hand() -> None:
         assert got["power"].item() == pytest.approx(power, rel=1e-12)
 
 
-@pytest.mark.parametrize("text", [STAGE, UP, ROCKET], ids=["stage", "up", "rocket"])
+@pytest.mark.parametrize("text", [STAGE, UP, ROCKET, FAR], ids=["stage", "up", "rocket", "far"])
 def test_agrees_with_the_reference(text: str | Path) -> None:
     worst = disagreement(text)
     assert max(worst.values()) < 1e-12, worst

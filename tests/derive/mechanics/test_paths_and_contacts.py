@@ -398,6 +398,7 @@ BAD = {
     "loads: {f: {type: contact, body: arm, plane: {normal: y, of: arm}, stiffness: 3 N/m}}\n": "between 'arm' and itself",
     "loads: {f: {type: contact, body: arm, plane: {normal: y}, stiffness: 3 N/m, friction: 1}}\n": "without smoothing",
     "loads: {f: {type: contact, body: arm, surface: position(weight).x, stiffness: 3 N/m}}\n": "in a surface",
+    "loads: {f: {type: contact, body: arm, plane: {normal: y}, of: arm, stiffness: 3 N/m}}\n": "'of' beside the plane of 'f'",
     "constraints: {f: {type: rolling, body: arm, shape: {wheel: {radius: 1 m}}}}\n": "does not say what it rolls on",
     "loads: {f: {type: contact, body: arm, plane: {normal: y}, stiffness: 3 N/m, smoothing: 1 m/s, tyre: {}}}\n": "a tyre on a point",
     "loads: {f: {type: contact, body: arm, shape: {wheel: {radius: 1 m}}, plane: {normal: y}, stiffness: 3 N/m, smoothing: 1 m/s, tyre: {lateral: {pacejka: [1, 2]}}}}\n": "2 numbers of a curve",

@@ -11,7 +11,7 @@ cheaper depends on the model: both are counted.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product as combinations
 
@@ -24,7 +24,7 @@ from derive.expressions.counting import alternatives, instructions
 from derive.expressions.deferred import Deferred, Term, is_deferred
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import dot, is_zero, minus, plus
-from derive.mechanics.articulated import tree_solution
+from derive.mechanics.articulated import Motions, tree_solution
 from derive.mechanics.forms import Form
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.layouts import layouts
@@ -44,7 +44,8 @@ from derive.mechanics.tree import (
 
 @dataclass(frozen=True)
 class Explicit:
-    """q̇, ẇ and v̇ over (t, q, w, u, p), with the reduced mass matrix and force they come from."""
+    """q̇, ẇ and v̇ over (t, q, w, u, p), with the reduced mass matrix and force they come from;
+    `solve` gives the ẇ of mass ẇ = f for other f, none where nothing is written out."""
 
     qdot: ca.SX
     operations: int  # none where they are not written out
@@ -53,6 +54,7 @@ class Explicit:
     vdot: Term[ca.SX] = Term()
     mass: Term[ca.SX] = Term()
     force: Term[ca.SX] = Term()
+    solve: Callable[[Vector], Vector] | None = None
 
     def named(self, reduction: Reduction) -> tuple[Named, ...]:
         """What the generated code names its sections after."""
@@ -75,7 +77,7 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     fewest operations: by joints, by links, with inertias as given or regrouped, or by the O(n)
     recursion. All ways give the same ẇ up to rounding; only the operations of q̇ and ẇ are
     compared."""
-    if system.long and _fits_recursion(system, reduction):
+    if system.long and not system.rows and _motions(system, reduction.S):
         return _deferred(system, reduction)
     solution = _articulated(system, reduction)
     if not solution or system.written:
@@ -85,8 +87,8 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     counts = alternatives(results) if len(solution) > 1 else [instructions(results[0])]
     best = solution[counts.index(min(counts))]
     vdot = ca.densify(ca.mtimes(reduction.S, best.wdot) + reduction.sigma)
-    # the recursion makes no M_w; where it is used S = 1 and M_w is M
-    mass = system.M if best.mass is None else _sparse(best.mass)
+    # the recursion makes no M_w
+    mass = _symmetric_product(reduction.S, system.M) if best.mass is None else _sparse(best.mass)
     return Explicit(
         qdot=qdot,
         operations=min(counts),
@@ -95,6 +97,7 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
         vdot=vdot,
         mass=mass,
         force=_column(best.force),
+        solve=best.solve,
     )
 
 
@@ -135,6 +138,7 @@ class _Gathered:
     mass: Matrix | None  # None: the system's own
     force: Vector
     wdot: ca.SX
+    solve: Callable[[Vector], Vector]
 
 
 def _by_matrices(system: System, reduction: Reduction) -> list[_Gathered]:
@@ -155,29 +159,62 @@ def _by_matrices(system: System, reduction: Reduction) -> list[_Gathered]:
             f"{a}, {b}",
             mass,
             force,
-            _column(ldl_solution(mass, [force], list(reversed(range(len(force))))).x[0]),
+            _column(_of_matrix(mass, force)),
+            functools.partial(_of_matrix, mass),
         )
         for (a, mass), (b, force) in pairs
     ]
 
 
+def _of_matrix(mass: Matrix, force: Vector) -> Vector:
+    return ldl_solution(mass, [force], list(reversed(range(len(force))))).x[0]
+
+
 def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
-    """ẇ by the O(n) recursion, where the generalized velocities of a tree are the quasi-velocities
-    and T is the bodies' alone."""
-    if not _fits_recursion(system, reduction):
+    """ẇ by the O(n) recursion, where each quasi-velocity moves one joint of a tree, what else the
+    joints do is prescribed, and T is the bodies' alone."""
+    motions = _motions(system, reduction.S)
+    if not motions:
         return []
-    rotors = _entries(ca.densify(ca.diag(system.M_extra)))
+    rotors = _entries(ca.densify(ca.diag(_symmetric_product(reduction.S, system.M_extra))))
     candidates: list[_Gathered] = []
     force = _forces_on_tree(system, reduction)
     for label, inertias in _inertias(system):
-        wdot = _column(tree_solution(system.links, inertias, rotors, force).vdot)
-        candidates.append(_Gathered(f"articulated bodies{label}", None, force, wdot))
+        solve = functools.partial(_of_tree, system, inertias, rotors, motions)
+        wdot = _column(solve(force))
+        candidates.append(_Gathered(f"articulated bodies{label}", None, force, wdot, solve))
     return candidates
 
 
-def _fits_recursion(system: System, reduction: Reduction) -> bool:
-    plain = not system.rows and bool(system.links) and _is_identity(reduction.S)
-    return plain and _is_diagonal(system.M_extra)
+def _of_tree(
+    system: System,
+    inertias: Sequence[Inertia],
+    rotors: Vector,
+    motions: Sequence[Motions],
+    force: Vector,
+) -> Vector:
+    return tree_solution(system.links, inertias, rotors, force, motions).vdot
+
+
+def _motions(system: System, S: ca.SX) -> list[list[tuple[Vector, int]]]:
+    """By link the motions of the quasi-velocities that move its joint; nothing where one moves
+    several joints, or where inertia beside the bodies couples them."""
+    owners = {j: i for i, link in enumerate(system.links) for j in link.columns}
+    rows: list[list[int]] = [[] for _ in range(S.size2())]
+    for j, k in zip(*ca.sparsify(S).sparsity().get_triplet()):
+        rows[k].append(j)
+    moved = [{owners.get(j, -1) for j in own} for own in rows]
+    if not rows or any(len(own) != 1 or -1 in own for own in moved):
+        return []
+    if not _is_diagonal(_symmetric_product(S, system.M_extra)):
+        return []
+    result: list[list[tuple[Vector, int]]] = [[] for _ in system.links]
+    for k, (own, (i,)) in enumerate(zip(rows, moved)):
+        link = system.links[i]
+        axes = [link.motion[link.columns.index(j)] for j in own]
+        axis = [dot([S[j, k] for j in own], [x[a] for x in axes]) for a in range(6)]
+        result[i].append((axis, k))
+    return result
 
 
 def _is_diagonal(M: ca.SX) -> bool:
@@ -187,9 +224,14 @@ def _is_diagonal(M: ca.SX) -> bool:
 
 
 def _forces_on_tree(system: System, reduction: Reduction) -> Vector:
-    """Q − h by Newton–Euler with v̇ = 0."""
+    """Sᵀ (Q − h − M σ) by Newton–Euler with v̇ = σ."""
+    return _by_joints(system, reduction, _beside_links(system, reduction), reduction.sigma)
+
+
+def _beside_links(system: System, reduction: Reduction) -> ca.SX:
+    """Q − h − M σ, of h and M what is beside the links."""
     Q = _at(system, reduction, system.Q - system.h_extra)
-    return _by_joints(system, reduction, Q, ca.SX.zeros(system.v.numel()))
+    return Q - ca.mtimes(system.M_extra, reduction.sigma)
 
 
 def _column(entries: Vector) -> ca.SX:
@@ -240,9 +282,7 @@ def _is_identity(S: ca.SX) -> bool:
 def _forces(system: System, reduction: Reduction) -> dict[str, Vector]:
     """Sᵀ (Q − h − M σ), likewise: with accelerations recomputed from v and σ, or with the rates the
     rows needed anyway."""
-    Q = _at(system, reduction, system.Q - system.h_extra) - ca.mtimes(
-        system.M_extra, reduction.sigma
-    )
+    Q = _beside_links(system, reduction)
     applied = ca.mtimes(reduction.S.T, Q)
     result = {"forces by joints": _by_joints(system, reduction, Q, reduction.sigma)}
     tree = reduction.tree or system

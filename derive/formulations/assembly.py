@@ -10,7 +10,7 @@ import casadi as ca
 
 from derive.choices.explicit import Explicit
 from derive.choices.locks import locks, locks_of
-from derive.choices.pivots import quadratic_guards, solved
+from derive.choices.pivots import by_reflections, quadratic_guards, solved
 from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey, speed_name
@@ -70,7 +70,7 @@ def reduced(
         closing=survey.closing,
         projects_velocity=False,
         frame=reduction.frame,
-        minimal=_minimal(survey, reduction, found, lam, R),
+        minimal=_minimal(survey, reduction, found, lam, (Y, R)),
     )
     named = (*_matrices(survey, reduction, Y, R), *motion.named[1:])
     return _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)
@@ -81,9 +81,9 @@ def _minimal(
     reduction: Reduction,
     found: Explicit,
     lam: ca.SX,
-    R: ca.SX | Deferred[ca.SX],
+    matrices: tuple[ca.SX, ca.SX | Deferred[ca.SX]],
 ) -> Minimal:
-    rows = survey.independent_rows
+    rows, (Y, R) = survey.independent_rows, matrices
     return Minimal(
         S=reduction.S,
         sigma=reduction.sigma,
@@ -94,7 +94,21 @@ def _minimal(
         c=rows.c,
         beta=rows.beta,
         lam=ca.SX(0, 1) if survey.combines else lam[list(survey.kept), :],
+        shift=Deferred(lambda: _shift(survey, reduction, Y), Y.size2()),
+        solve=found.solve,
     )
+
+
+def _shift(survey: Survey, reduction: Reduction, Y: ca.SX) -> ca.SX | None:
+    """δ of A δ = −φ, B δ = 0."""
+    system, kept = survey.system, survey.kept
+    regular = reduction.constant_pivots and not reduction.guards and reduction.frame is None
+    if not kept or survey.combines or set(kept) != set(survey.closing) or not regular:
+        return None
+    phi = [system.phi[system.rows[i].position] for i in kept]
+    side = [*(-x for x in phi), *([0.0] * len(reduction.names))]
+    found = solved(survey, Y, [side], reduction)
+    return None if by_reflections(found) else column(found.columns[0])
 
 
 def in_generalized_velocities(

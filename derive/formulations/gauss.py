@@ -55,6 +55,12 @@ def inverse_applied(system: System, sides: Sequence[Vector]) -> list[Vector]:
     n = system.v.numel()
     if system.written:
         return ldl_solution(scalars(system.M), sides, list(reversed(range(n)))).x
+    return tree_inverse_applied(system, sides)
+
+
+def tree_inverse_applied(system: System, sides: Sequence[Vector]) -> list[Vector]:
+    """The same by the recursion: of each side it is O(n)."""
+    n = system.v.numel()
     rotors = [system.M_extra[j, j] if system.M_extra.has_nz(j, j) else 0.0 for j in range(n)]
     return [
         tree_solution(system.links, system.inertias[-1], rotors, side).vdot for side in sides

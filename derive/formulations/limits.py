@@ -30,6 +30,10 @@ DEPENDENT = 1e-6
 PER_RADIAN = 1e-3  # digits of a closed position are lost from 1,000 rad on, in proportion
 CLOSED = 1e-13  # project stops when |φ| is this small, in the units of φ, divided by …
 USUAL = 3  # … the size of its terms where that is more than so many powers of ten from one
+# velocities from which `project` and λ are looked for without M: on a chain that is linear in their
+# number, where M takes the square and the bordered matrix the cube
+MANY = 10
+FEW_ROWS = 0.25  # of the velocities: of so many at most M⁻¹ Aᵀ is looked for by the recursion
 MOST_STEPS = 20  # of Newton; it doubles the digits in each, or does not converge
 
 # distribution

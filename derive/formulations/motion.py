@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from derive.choices.records import Frame, Guard
 from derive.expressions.deferred import Term
+from derive.expressions.scalars import Vector
 from derive.formulations.records import Argument
 from derive.mechanics.records import Named, System
 
@@ -26,6 +28,8 @@ class Minimal:
     R: Term[ca.SX] = Term()
     mass: Term[ca.SX] = Term()
     force: Term[ca.SX] = Term()
+    shift: Term[ca.SX | None] = Term()
+    solve: Callable[[Vector], Vector] | None = None
 
 
 @dataclass(frozen=True)

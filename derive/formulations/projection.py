@@ -8,11 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from derive.diagnostics import HamelError
-from derive.formulations.limits import CLOSED, MOST_STEPS, PER_RADIAN, USUAL
+from derive.expressions.counting import alternatives
+from derive.expressions.scalars import Vector
+from derive.formulations.gauss import constrained_motion, rows_of, tree_inverse_applied
+from derive.formulations.limits import CLOSED, FEW_ROWS, MANY, MOST_STEPS, PER_RADIAN, USUAL
 from derive.formulations.motion import Motion, at_motion, guards_of, labels_of_state
 from derive.formulations.multipliers import least_change
 from derive.formulations.records import Function, Iteration, Result
+from derive.mechanics.inverse_dynamics import joint_forces_of_motion
+from derive.mechanics.motion import row_number
 from derive.mechanics.records import System
+from derive.mechanics.tree import twists
 from derive.numerics import NONZERO
 from derive.states.closing import Kinematics, nominal
 from derive.states.initial import initial_state
@@ -29,7 +35,7 @@ def constraint_violation(system: System, motion: Motion) -> Function | None:
     part is zero up to rounding, which makes it a check of S and R."""
     if not system.rows and not system.quaternions:
         return None
-    velocity = ca.mtimes(system.A, system.v) - system.c
+    velocity = _row_velocities(system)
     coordinates = system.model.coordinates
     labels = (
         *(f"phi {row.name}" for row in system.rows if row.position >= 0),
@@ -50,14 +56,30 @@ def constraint_violation(system: System, motion: Motion) -> Function | None:
     )
 
 
+def _row_velocities(system: System) -> ca.SX:
+    """A v − c; of many velocities from the links' twists, where that takes fewer operations."""
+    by_matrix = ca.mtimes(system.A, system.v) - system.c
+    if system.v.numel() < MANY:
+        return by_matrix
+    v: Vector = [*ca.vertsplit(system.v)]
+    numbers = twists(system.links, v)
+    rows = [row_number(row, numbers, v) for ways in system.blocks for row in ways[0]]
+    found = [by_matrix, ca.vertcat(*rows) - system.c]
+    counts = alternatives(found)
+    return found[counts.index(min(counts))]
+
+
 def projection(system: System, motion: Motion) -> Function | None:
     """One Newton step onto φ = 0, nearest in the metric of M (or of 1 where M is singular): δ =
     −M⁻¹ Aᵀ (A M⁻¹ Aᵀ)⁻¹ φ; quaternions are brought to length one.
+
+    By Gauss's principle δ is what v̇ is at rest without forces where A v̇ = −φ: S y + R (−φ) with
+    Sᵀ M S y = −Sᵀ M R (−φ). For many velocities it is found so, if R and S are regular everywhere.
     """
     closing = list(motion.closing)
     if not closing and not system.quaternions and not (motion.projects_velocity and motion.kept):
         return None
-    q = system.q + _position_step(system, closing) if closing else system.q
+    q = system.q + _position_step(system, motion) if closing else system.q
     sizes = _sizes(system) if closing else []
     positions = [system.rows[i].position for i in closing]
     turned = _turned(system, positions)
@@ -135,11 +157,50 @@ def _with_unit_quaternions(system: System, q: ca.SX) -> ca.SX:
     return ca.vertcat(*entries)
 
 
-def _position_step(system: System, closing: list[int]) -> ca.SX:
-    phi = [system.phi[system.rows[i].position] for i in closing]
-    # holonomic rows of A are φ_q N: a step over v that meets A δ = −φ, and q moves by N δ
-    step = least_change(_metric(system), system.A[closing, :], [-x for x in phi])
-    return ca.substitute(system.qdot, system.v, ca.vertcat(*step))
+def _position_step(system: System, motion: Motion) -> ca.SX:
+    step = _at_rest(system, motion)
+    if step is None:
+        closing = list(motion.closing)
+        # holonomic rows of A are φ_q N: a step over v that meets A δ = −φ, and q moves by N δ
+        change: Vector = [-system.phi[system.rows[i].position] for i in closing]
+        step = _least_step(system, system.A[closing, :], change)
+    return ca.substitute(system.qdot, system.v, step)
+
+
+def _least_step(system: System, A: ca.SX, change: Vector) -> ca.SX:
+    """By the bordered matrix, or, of a long tree with few rows, by the recursion for M⁻¹ Aᵀ."""
+    found = [ca.vertcat(*least_change(_metric(system), A, change))]
+    nv = system.v.numel()
+    if nv >= MANY and len(change) <= FEW_ROWS * nv and system.definite and _of_links(system):
+        still: Vector = [0.0] * nv
+        inverse = [still, *tree_inverse_applied(system, rows_of(A))]
+        found.append(ca.vertcat(*constrained_motion(A, change, inverse).vdot))
+    counts = alternatives(found) if len(found) > 1 else [0]
+    return found[counts.index(min(counts))]
+
+
+def _of_links(system: System) -> bool:
+    """All inertia is in bodies, or in rotors of single velocities."""
+    rows, columns = system.M_extra.sparsity().get_triplet()
+    carried = {j for link in system.links for j in link.columns}
+    return rows == columns and len(carried) == system.v.numel()
+
+
+def _at_rest(system: System, motion: Motion) -> ca.SX | None:
+    """δ by Gauss's principle; None where it does not pay."""
+    of, nv = motion.minimal, system.v.numel()
+    if of is None or of.solve is None or nv < MANY or not system.definite or not system.links:
+        return None
+    shift = of.shift
+    if shift is None:
+        return None
+    still: Vector = [0.0] * nv
+    moved: Vector = [*ca.vertsplit(shift)]
+    forces = joint_forces_of_motion(system.layouts, still, moved, [0.0, 0.0, 0.0])
+    inertial = ca.vertcat(*forces) + ca.mtimes(system.M_extra, shift)
+    force: Vector = [*ca.vertsplit(ca.densify(-ca.mtimes(of.S.T, inertial)))]
+    y = of.solve(force)
+    return shift + (ca.mtimes(of.S, ca.vertcat(*y)) if y else 0)
 
 
 def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
@@ -149,8 +210,8 @@ def _velocity_step(system: System, motion: Motion) -> tuple[ca.SX, list[ca.SX]]:
     violation = ca.mtimes(system.A[rows, :], system.v) - system.c[rows, :]
     violation = at_motion(system, motion, violation)
     entries = [violation[i] for i in range(len(rows))]
-    step = least_change(_metric(system), system.A[rows, :], [-x for x in entries])
-    return motion.w + ca.mtimes(motion.B, ca.vertcat(*step)), entries
+    step = _least_step(system, system.A[rows, :], [-x for x in entries])
+    return motion.w + ca.mtimes(motion.B, step), entries
 
 
 def _metric(system: System) -> ca.SX:

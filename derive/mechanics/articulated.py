@@ -30,6 +30,8 @@ from derive.joints.rotations import (
 from derive.mechanics.links import moved, symmetric, turned_tensor
 from derive.mechanics.records import Inertia, Link
 
+Motions = Sequence[tuple[Vector, int]]  # axes of a link at its joint point, and their numbers
+
 
 @dataclass(frozen=True)
 class Articulated:
@@ -60,9 +62,15 @@ class Factored:
 
 
 def tree_solution(
-    links: Sequence[Link], inertias: Sequence[Inertia], rotors: Vector, tau: Vector
+    links: Sequence[Link],
+    inertias: Sequence[Inertia],
+    rotors: Vector,
+    tau: Vector,
+    motions: Sequence[Motions] | None = None,
 ) -> Factored:
-    """v̇ (nv) of M v̇ = τ without M, in O(n); the equations are at the head of this module.
+    """v̇ (nv) of M v̇ = τ without M, in O(n); the equations are at the head of this module. With
+    `motions`, link by link, for others than the velocities of the joints; a link that has none is
+    fixed to its carrier.
 
     `inertias` are about the links' origins, in their frames; `rotors` (nv) are added to the
     diagonal of M; `tau` holds all forces conjugate to v, the bias taken off. The pivots m̂ are
@@ -71,9 +79,10 @@ def tree_solution(
     bodies = [_rigid(moved(body, (), [-x for x in link.b])) for link, body in zip(links, inertias)]
     wrenches: list[Vector] = [[0.0] * 6 for _ in links]
     steps: list[list[Elimination]] = [[] for _ in links]
+    moving = [[*zip(link.motion, link.columns)] for link in links] if motions is None else motions
     for i in reversed(range(len(links))):
         link = links[i]
-        for axis, j in zip(link.motion, link.columns):
+        for axis, j in moving[i]:
             step = _eliminated(bodies[i], axis, j, rotors[j], tau[j], wrenches[i])
             bodies[i] = _without(bodies[i], step)
             wrenches[i] = sum_of(wrenches[i], [dot([x], [step.phi / step.m]) for x in step.psi])

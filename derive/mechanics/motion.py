@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from derive.expressions.scalars import Scalar, Vector
-from derive.joints.rotations import cross, dot, sum_of
+from derive.joints.rotations import cross, dot, plus, sum_of
 from derive.mechanics.forms import Form, added, constant, crossed, dotted, rotated, total
 from derive.mechanics.links import carried
 from derive.mechanics.records import Link, Numbers, RowForm, TwistTerm
@@ -103,6 +103,18 @@ def _term_form(term: TwistTerm, motion: Twist) -> Form:
     omega, velocity = motion
     at_point = added(velocity, crossed(omega, term.point))
     return total([(1.0, dotted(term.direction, at_point)), (1.0, dotted(term.moment, omega))])
+
+
+def row_number(row: RowForm, numbers: Sequence[Numbers], v: Sequence[Scalar]) -> Scalar:
+    """The same in numbers, from the links' twists: A v of the row."""
+    total: Scalar = 0.0
+    for term in row.terms:
+        if term.link >= 0:
+            omega, velocity = numbers[term.link]
+            at_point = sum_of(velocity, cross(omega, term.point))
+            total = plus(total, plus(dot(term.direction, at_point), dot(term.moment, omega)))
+    own = [j for j, _ in row.coefficients]
+    return plus(total, dot([x for _, x in row.coefficients], [v[j] for j in own]))
 
 
 def row_products(row: RowForm, numbers: Sequence[Numbers]) -> Scalar:

@@ -10,9 +10,11 @@ from derive.choices.named import carried_through
 from derive.choices.pivots import by_reflections, solved
 from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey
+from derive.expressions.counting import alternatives
 from derive.formulations.assembly import entries, reduced
 from derive.formulations.fitness import undetermined
 from derive.formulations.formulation import Formulation
+from derive.formulations.limits import MANY
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.mechanics.solve import reflected_solution, scalars
@@ -28,11 +30,19 @@ def _equations(survey: Survey, choice: Choice) -> Equations:
 
 
 def _missing(system: System, reduction: Reduction, vdot: ca.SX) -> ca.SX:
-    """M v̇ + h − Q over w; by Newton–Euler where M is not written out."""
+    """M v̇ + h − Q over w; by Newton–Euler where M is not written out, or where that takes fewer
+    operations."""
+    found: list[ca.SX] = []
     if system.written:
-        return ca.mtimes(system.M, vdot) - ca.substitute(system.Q - system.h, system.v, reduction.v)
-    forces = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot) + system.h_extra
-    return ca.substitute(forces - system.Q, system.v, reduction.v)
+        by_M = ca.substitute(system.Q - system.h, system.v, reduction.v)
+        found.append(ca.mtimes(system.M, vdot) - by_M)
+    if system.links and (not system.written or system.v.numel() >= MANY):
+        forces = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot) + system.h_extra
+        found.append(ca.substitute(forces - system.Q, system.v, reduction.v))
+    if len(found) == 1:
+        return found[0]
+    counts = alternatives(found)
+    return found[counts.index(min(counts))]
 
 
 def _multipliers(survey: Survey, reduction: Reduction, result: Explicit) -> ca.SX:

@@ -1,0 +1,152 @@
+"""Long trees with rows: what is prescribed or coupled costs by link, as the tree itself does.
+
+Of derive.formulations: projection, gauss. Of derive.formulations.methods: quasi_velocities.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from derive.expressions.counting import operations
+from derive.formulations import equations
+from derive.formulations.multipliers import bordered_solution
+from derive.mechanics.records import System
+from derive.model import load_text
+from derive.states import system
+from derive.states.sampling import states
+from tests.evaluation import accelerations, arguments, functions
+
+HEAD = """
+model: beam
+plane: xy
+gravity: [0, -9.81 m/s^2]
+repeat: {{i: 1..{0}}}
+bodies:
+  hub: {{mass: 1 kg, com: [0.1, 0], inertia: 0.1}}
+  b0: {{mass: 0.1 kg, com: [0.02, 0.01], inertia: 0.01}}
+  b{{i}}: {{mass: 0.1 kg, com: [0.02, 0.01], inertia: 0.01}}
+joints:
+  base: {1}
+  j0: {{type: revolute, parent: hub, child: b0, coordinate: q0}}
+  j{{i}}: {{type: revolute, parent: "b{{i-1}}", child: "b{{i}}", at: [0.05, 0], coordinate: "q{{i}}", spring: {{stiffness: 5 N*m/rad}}}}
+constraints:
+"""
+HINGE = "{type: revolute, parent: ground, child: hub, coordinate: turn}"
+PLANAR = "{type: planar, parent: ground, child: hub, coordinates: [x, y, turn]}"
+TURN = "  pt: {type: prescribed, coordinate: turn, motion: sin((3 rad/s)*t)}\n"
+SLIDE = "  px: {type: prescribed, coordinate: x, motion: (0.1 m)*sin((3 rad/s)*t)}\n"
+COUPLED = '  c{i}: {type: coupling, joints: ["j{i-1}", "j{i}"], ratio: -1}\n'
+SPACE = """
+model: rope
+gravity: [0, 0, -9.81 m/s^2]
+repeat: {{i: 1..{0}}}
+bodies:
+  hub: {{mass: 1 kg, com: [0.1, 0, 0], inertia: [0.1, 0.2, 0.3]}}
+  b0: {{mass: 0.1 kg, com: [0.02, 0.01, 0], inertia: [0.01, 0.02, 0.02]}}
+  b{{i}}: {{mass: 0.1 kg, com: [0.02, 0.01, 0], inertia: [0.01, 0.02, 0.02]}}
+joints:
+  base: {{type: revolute, parent: ground, child: hub, coordinate: yaw, axis: z}}
+  j0: {{type: ball, parent: hub, child: b0}}
+  j{{i}}: {{type: revolute, parent: "b{{i-1}}", child: "b{{i}}", at: [0.05, 0, 0], axis: [0.6, 0, 0.8]}}
+constraints:
+  pt: {{type: prescribed, coordinate: yaw, motion: sin((3 rad/s)*t)}}
+  half: {{type: prescribed, coordinate: j2, motion: sin((2 rad/s)*t)}}
+"""
+MODELS = {
+    "base turned": lambda n: HEAD.format(n, HINGE) + TURN,
+    "base shifted": lambda n: HEAD.format(n, PLANAR) + SLIDE,
+    "coupled": lambda n: HEAD.format(n, HINGE) + COUPLED,
+    "in space": SPACE.format,
+}
+
+
+def made(name: str, n: int) -> System:
+    return system(load_text(MODELS[name](n)))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_accelerations_and_reactions_are_those_of_the_bordered_matrix(name: str) -> None:
+    """[M −Aᵀ; A 0] [v̇; λ] = [Q − h; β], solved in numbers."""
+    s = made(name, 12)
+    e, found = equations(s), states(s, 4, seed=6)
+    f = functions(e)
+    terms = ca.Function(
+        "terms", [s.t, s.q, s.v, s.u, s.p], [ca.densify(x) for x in (s.M, s.h, s.Q, s.A, s.beta)]
+    )
+    vdot = accelerations(e, found)
+    given = zip(found.t, found.q, found.v, found.u, found.p)
+    for k, (at, state) in enumerate(zip(arguments(f, found), given)):
+        M, h, Q, A, beta = (x.full() for x in terms(*state))
+        K = np.block([[M, -A.T], [A, np.zeros((len(A), len(A)))]])
+        wanted = np.linalg.solve(K, np.concatenate([Q - h, beta])).ravel()
+        size = np.max(np.abs(wanted))
+        np.testing.assert_allclose(vdot[k], wanted[: len(M)], atol=1e-10 * size)
+        forces = f["reactions"](*at).full().ravel()
+        np.testing.assert_allclose(forces, wanted[len(M) :], atol=1e-10 * size)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_step_of_project_is_that_of_the_bordered_matrix(name: str) -> None:
+    """Nearest in the metric of M, off the constraints too."""
+    s = made(name, 12)
+    e = equations(s)
+    rows = [x.position for x in s.rows]
+    phi = [-s.phi[i] for i in rows]
+    step = bordered_solution(s.M, s.A, [0.0] * s.v.numel(), phi).x
+    moved = s.q + ca.substitute(s.qdot, s.v, ca.vertcat(*step))
+    wanted = ca.Function("wanted", [s.t, s.q, s.p], [moved])
+    found = states(s, 3, seed=2)
+    f, rng = functions(e), np.random.default_rng(0)
+    for t, x, u, p in arguments(f, found):
+        nq = s.q.numel()
+        off = x + 0.1 * rng.normal(size=len(x))
+        moved_to = f["project"](t, off, u, p).full().ravel()[:nq]
+        expected = wanted(t, off[:nq], p).full().ravel()
+        for start in s.quaternions:
+            expected[start : start + 4] /= np.linalg.norm(expected[start : start + 4])
+        np.testing.assert_allclose(moved_to, expected, atol=1e-11)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_twice_the_links_take_twice_the_operations(name: str) -> None:
+    """`dynamics` and `project` took the cube, `reactions` the square."""
+    for function in ("dynamics", "project", "reactions"):
+        few, many = (
+            operations(equations(made(name, n)).function(function).result.value) for n in (16, 32)
+        )
+        assert many < 2.5 * few, (function, few, many)
+
+
+TRAIN = """
+model: train
+plane: xy
+repeat: {{i: 1..{0}}}
+bodies:
+  b0: {{mass: 1 kg, inertia: 0.1}}
+  b{{i}}: {{mass: 1 kg, inertia: 0.1}}
+joints:
+  base: {{type: planar, parent: ground, child: b0, coordinates: [x, y, turn]}}
+  j{{i}}: {{type: revolute, parent: "b{{i-1}}", child: "b{{i}}", at: [[-0.5, 0], [0.5, 0]], coordinate: "q{{i}}"}}
+constraints:
+  s0: {{type: no_slip, body: b0, at: [0, 0], direction: [0, 1]}}
+  s{{i}}: {{type: no_slip, body: "b{{i}}", at: [0, 0], direction: [0, 1]}}
+"""
+
+
+def test_rows_of_many_bodies_are_taken_from_their_twists() -> None:
+    """A v − c of trailers, where A holds a sum over all joints in each row."""
+    counts = []
+    for n in (12, 24):
+        s = system(load_text(TRAIN.format(n)))
+        e = equations(s)
+        violation = e.function("constraints").result.value
+        counts.append(operations(violation))
+        x = e.argument("x").symbols
+        rng = np.random.default_rng(1)
+        given = [0.1, rng.normal(size=x.numel()), np.array(e.parameters, dtype=float)]
+        slots = [e.argument(name).symbols for name in ("t", "x", "p")]
+        rows = ca.Function("rows", slots, [violation])(*given).full()
+        np.testing.assert_allclose(rows, 0.0, atol=1e-11)
+    assert counts[1] < 2.2 * counts[0]

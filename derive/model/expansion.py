@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from derive.model.composition import Composition, SubmodelEntry
 from derive.model.document import MOST_VALUES, Entries, Key, Node, Scalar, Source, parsed
 from derive.model.files import file_beside
 from derive.model.records import Span
-from derive.model.renaming import as_part, merged, with_parameters
+from derive.model.renaming import as_part, merged, sections_of_names, with_parameters
 from derive.model.repetition import Index, Repetition, indices
 from derive.model.structure import shaped
 
@@ -52,7 +53,8 @@ class _Writer:
     def whole(self, node: Entries, use: _Use) -> Entries:
         """A file written out, submodels included."""
         own = Entries({k: v for k, v in node.items() if k == "repeat"}, node.span)
-        known = indices(shaped(Composition, own, self.source).repeat, self.source)
+        repeat = shaped(Composition, own, self.source).repeat
+        known = indices(repeat, self.source)
         rest = Entries({k: v for k, v in node.items() if k != "repeat"}, node.span)
         written = self._written(rest, known, use)
         given = Entries({k: written.pop(k) for k in list(written) if k == "submodels"}, node.span)
@@ -60,7 +62,20 @@ class _Writer:
         for key, entry in parts.items():
             part = self._part(key, entry, use, written.get("plane"))
             written = merged(written, part, self.source)
+        self._check_indices(repeat, written, use)
         return written
+
+    def _check_indices(self, given: Mapping[Key, Any], written: Entries, use: _Use) -> None:
+        """That no index has a name that formulas could mean: its number would stand there."""
+        sections = sections_of_names(written) if given else {}
+        for key in given:
+            if key in sections:
+                self.source.refuse(
+                    replace(key.span, where=use.where),
+                    f"the index '{key}' is a name under '{sections[key]}:', too",
+                    "another name for one of the two",
+                    f"in formulas of repeated entries '{key}' is the number of the index",
+                )
 
     def _written(self, node: Entries, known: dict[str, Index], use: _Use) -> Entries:
         repetition = Repetition(known, self.source, MOST_VALUES - self.values)

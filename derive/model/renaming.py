@@ -51,17 +51,24 @@ _SUFFIXES = tuple(
 _CALLS = {**FUNCTIONS, **OUTPUT_FUNCTIONS, **KINEMATIC_FUNCTIONS}
 
 
-def own_names(node: Entries) -> Iterator[str]:
-    """Every name that the entries of a model introduce."""
-    for section in SECTIONS:
-        yield from (str(key) for key in _entries(node, section))
+def sections_of_names(node: Entries) -> dict[str, str]:
+    """Every name that the entries of a model introduce → the first section that it comes from."""
+    found: dict[str, str] = {}
+    for name, section in _named(node):
+        found.setdefault(name, section)
+    return found
+
+
+def _named(node: Entries) -> Iterator[tuple[str, str]]:
+    for section in (*SECTIONS, "coordinates"):
+        yield from ((str(key), section) for key in _entries(node, section))
     for key, entry in _entries(node, "inputs").items():
         if isinstance(entry, Entries) and "delay" in entry:
-            yield late(str(key))
+            yield late(str(key)), "inputs"
     for key, joint in _entries(node, "joints").items():
-        yield from (f"{key}_{suffix}" for suffix in _SUFFIXES)
+        yield from ((f"{key}_{suffix}", "joints") for suffix in _SUFFIXES)
         if isinstance(joint, Entries):
-            yield from _coordinates(joint)
+            yield from ((name, "joints") for name in _coordinates(joint))
 
 
 def _entries(node: Entries, section: str) -> Entries:
@@ -116,7 +123,7 @@ def as_part(node: Entries, key: Key, entry: SubmodelEntry, source: Source) -> En
             )
     _check_start(node, source)
     formulas = {k: v for k, v in entry.parameters.items() if not _is_number(v.text)}
-    names = {name: f"{key}_{name}" for name in own_names(node)}
+    names = {name: f"{key}_{name}" for name in sections_of_names(node)}
     names |= {str(name): f"{key}_{name}" for name in formulas}
     names |= {str(k): v.text.strip() for k, v in formulas.items() if _is_name(v.text)}
     names[GROUND] = _ground(key, entry)
@@ -191,7 +198,7 @@ def _mount(key: Key, entry: SubmodelEntry, part: Entries) -> Entries:
     name = _ground(key, entry)
     joint = mapping(type=word("fixed"), parent=frame.body, child=word(name), at=at)
     bodies = Entries({Key(name, span): mapping(mass=word("0"))}, span)
-    taken = set(own_names(part))
+    taken = sections_of_names(part)
     wanted = (f"{key}_mount{number}" for number in ("", *range(2, len(taken) + 3)))
     free = next(name for name in wanted if name not in taken)
     return mapping(bodies=bodies, joints=Entries({Key(free, span): joint}, span))

@@ -36,6 +36,7 @@ Binding = Mapping[str, Value]
 
 MOST = 10_000  # repetitions of one entry
 LARGEST = 10**9  # of an index, and of what is computed of indices
+AXES = ("x", "y", "z")  # `axis: x`, and the letters of a `surface:`
 # what stands under these keys is a word or for readers, and no formula
 WORDS = frozenset(
     {"type", "about", "description", "euler", "unit", "source", "plane", "use", "file", "smooth"}
@@ -71,6 +72,8 @@ def _index(key: Key, given: Scalar | Items, source: Source) -> Index:
         source.refuse(key.span, *problem)
     if key in UNITS:
         source.refuse(key.span, f"the index '{key}' is a unit", "another name, such as i")
+    if key in AXES:
+        source.refuse(key.span, f"the index '{key}' is an axis", "another name, such as i")
     values = _range(given, source) if isinstance(given, Scalar) else _list(given, source)
     if len(values) > MOST:
         source.refuse(given.span, f"{len(values)} repetitions", f"at most {MOST}")

@@ -164,6 +164,7 @@ WRONG = [
     ("repeat: {i: 5..1}", "holds nothing", "1..5"),
     ("repeat: {i: 1..x}", "no range of whole numbers", "1..40"),
     ("repeat: {m: 1..4}", "1:10: error: the index 'm' is a unit", "another name"),
+    ("repeat: {x: 1..4}", "1:10: error: the index 'x' is an axis", "another name"),
     ("repeat: {i: []}", "a list of nothing", "numbers or words"),
     ("repeat: {i: [1, 1]}", "stands twice", "each once"),
     ("repeat: {i: 1..10000, j: 1..10000}\nbodies: {'b{i}{j}': {mass: 1}}", "100000000", "10000"),
@@ -191,6 +192,40 @@ def test_wrong_repetitions_are_told_where_they_stand(
     shown = refusal(text if text.startswith("model") else f"{text}\nmodel: a\n")
     assert message in shown, shown
     assert expected in shown, shown
+
+
+TAKEN = [
+    ("l", "parameters", ""),
+    ("e", "where", "where: {e: 2*l}\n"),
+    ("curve", "tables", "tables: {curve: {points: [[0, 0], [1, 1]]}}\n"),
+    ("u", "inputs", "inputs: {u: {unit: N}}\n"),
+    ("u_late", "inputs", "inputs: {u: {unit: N, delay: 1 s}}\n"),
+    ("c", "states", "states: {c: {rate: 1/(1 s)}}\n"),
+    ("p", "joints", "joints: {j: {type: revolute, parent: ground, child: b1, coordinate: p}}\n"),
+    ("j", "joints", "joints: {j: {type: revolute, parent: ground, child: b1}}\n"),
+    ("p", "coordinates", "coordinates: {p: m}\nkinetic: (1 kg)*der(p)^2\n"),
+    ("b", "bodies", "joints: {j: {type: revolute, parent: ground, child: b}}\n"),
+]
+
+
+@pytest.mark.parametrize("name, section, rest", TAKEN)
+def test_an_index_hides_no_name_of_the_file(name: str, section: str, rest: str) -> None:
+    text = REPEAT.replace("b{i}", "b").replace("{i: 1..3}", f"{{{name}: 2..3}}") + rest
+    shown = refusal(text.replace("  b: {mass: 1}", "  b: {mass: 1}\n  b1: {mass: 1}"))
+    assert f"4:10: error: the index '{name}' is a name under '{section}:', too" in shown, shown
+    assert "another name for one of the two" in shown
+
+
+def test_an_index_hides_no_name_of_a_part_or_in_a_part(tmp_path: Path) -> None:
+    index = "repeat: {near_bend: 2..3}\n"
+    use = "submodels: {near: {use: leg.yaml, ground: trunk}}\n"
+    own = refusal(TRUNK + index + use, folder_with(tmp_path, leg=LEG))
+    assert "the index 'near_bend' is a name under 'joints:', too" in own
+    part = refusal(TRUNK + use, folder_with(tmp_path, leg=LEG + "repeat: {k: 2..3}\n"))
+    assert "leg.yaml:17:10: error: the index 'k' is a name under 'parameters:', too" in part
+    assert "near is used at" in part
+    twice = TRUNK + "repeat: {k: 2..3}\n" + use.replace("near", "'near{k}'")
+    load_text(twice, str(tmp_path / "whole.yaml"), folder_with(tmp_path, leg=LEG))
 
 
 def test_a_mistake_in_a_repetition_is_told_once() -> None:

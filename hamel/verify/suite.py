@@ -26,6 +26,7 @@ from hamel.verify.reference.vectors import Array
 SHOWN = 8  # coordinates of a state that a message quotes
 NOTHING = 1e-9  # in the model's own units
 HARMLESS = 1e6  # a condition that leaves every result its value
+EXCUSED = 1e3  # the checks excuse what a condition costs; below this it is not what makes one fail
 ENOUGH = 0.5  # at least this part of the states asked for must be found
 
 
@@ -115,20 +116,24 @@ def _where(seen: Evidence, results: Sequence[CheckResult]) -> str:
     lost = any(not math.isfinite(result.value) for result in results)
     missing = _without_value(seen) if lost else ""
     conditions = seen.own_conditions(seen.graph)
-    near = bool(conditions) and not (missing and max(conditions) < HARMLESS)
+    near = max(conditions, default=0.0) >= (HARMLESS if missing else EXCUSED)
     return "; ".join(part for part in (missing, _hardest(seen, conditions) if near else "") if part)
 
 
 def _hardest(seen: Evidence, conditions: Sequence[float]) -> str:
     """The state where the choice is nearest to singular, its condition, and what else to try."""
     worst_place = int(np.argmax(conditions))
-    own = seen.graph.equations.choice
-    others = [f"--choice {x.name}" for x in seen.system.model.choices if x.name != own]
-    return (
-        f"cond [A; B] is largest, {conditions[worst_place]:.2g}, at "
-        f"{_position(seen, worst_place)}; where that is the cause, "
-        f"{' or '.join([*others[:3], '--formulation maggi'])} may hold"
-    )
+    said = f"cond [A; B] is largest, {conditions[worst_place]:.2g}, at "
+    said += _position(seen, worst_place)
+    others = " or ".join(_others(seen))
+    return f"{said}; where that is the cause, {others} may hold" if others else said
+
+
+def _others(seen: Evidence) -> list[str]:
+    """Options for another choice, and for the formulation that inverts [A; B] as a whole."""
+    own = seen.graph.equations
+    choices = [f"--choice {x.name}" for x in seen.system.model.choices if x.name != own.choice]
+    return choices[:3] + ["--formulation maggi"] * (own.formulation != "maggi")
 
 
 def _without_value(seen: Evidence) -> str:

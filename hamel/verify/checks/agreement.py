@@ -250,7 +250,7 @@ def acceleration_error(
 ) -> float:
     """The choice's v̇ against another one, per condition number: it excuses roundings and no
     digits."""
-    sums = e.of_accelerations(SOLVED)
+    sums = e.of_each_acceleration(SOLVED)
     excused = np.minimum(np.asarray(relax), MOST_EXCUSED)
     return deviation(e.vdot, wanted, excused, e.small, e.units.vdot, sums)
 

@@ -31,8 +31,9 @@ def worst(errors: Array | Sequence[Any]) -> float:
 
 @dataclass(frozen=True)
 class Sums:
-    """Per state the size of what the result is a sum of, in its units, and the tolerance that the
-    result is held to: where the sum cancels, what rounding leaves of it is no error."""
+    """Per state, or per state and component, the size of what the result is a sum of, in its units,
+    and the tolerance that the result is held to: where the sum cancels, what rounding leaves of it
+    is no error."""
 
     tolerance: float
     sizes: Sequence[float] | Array
@@ -64,7 +65,8 @@ def deviation(
     weights = np.ones(len(left)) if relax is None else np.asarray(relax, dtype=float)
     size = sizes(right, small=small)
     if sums is not None:
-        size = np.maximum(size, sums.floors[:, None])
+        floors = sums.floors
+        size = np.maximum(size, floors if floors.ndim > 1 else floors[:, None])
     with np.errstate(invalid="ignore"):
         return worst((left - right) / size / weights[:, None])
 

@@ -292,6 +292,19 @@ class Evidence:
         given = np.where(inertia > 0.0, self.forces / np.where(inertia > 0.0, inertia, 1.0), 0.0)
         return Sums(tolerance, np.maximum(1.0, self.reaches) * self.speeds**2 + given)
 
+    def of_each_acceleration(self, tolerance: float) -> Sums:
+        """The same of each velocity, and the forces of each on its own inertia: what is left of
+        moments about a thin bar's own axis, where they cancel, turns next to nothing."""
+        own = np.array([self._on_own_inertia(s.outcome) for s in self.samples])
+        common = np.asarray(self.of_accelerations(tolerance).sizes)
+        return Sums(tolerance, np.maximum(common[:, None], own))
+
+    def _on_own_inertia(self, o: Outcome) -> Array:
+        """Where rounding may be all that there is of an inertia, none counts."""
+        inertia, force = np.diag(o.M) / np.diag(self.units.M), o.summed.force / self.units.force
+        known = np.diag(o.M) > SMALL * o.summed.M
+        return np.divide(force, inertia, out=np.zeros_like(force), where=known)
+
     def of_rows(self, tolerance: float) -> Sums:
         """|A| |v|² over all columns: where a loop turns as a whole, its rows are zero in what turns
         it, and the products of β cancel."""

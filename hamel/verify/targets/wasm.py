@@ -1,6 +1,6 @@
 """The WebAssembly target, by Node and, where there is one, by a headless Chromium: values of every
 function in both variants and a motion, through the ES module, against the module. Where there is no
-browser the results say so."""
+browser, or one that cannot run WebAssembly here, the results say so."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ from hamel.verify.targets.records import Subject, TargetCheck, result
 
 INSTALL = "apt install chromium"
 NO_BROWSER = "not run in Chromium, which is not installed"
+UNABLE = "not run in Chromium, which cannot run WebAssembly here"
+ROOM = "ulimit -v unlimited, where the memory that a process may address is limited"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 HEADLESS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage")
 LIMIT = 120.0  # s
@@ -54,6 +56,15 @@ async function answers(model, asked) {
     return found;
 }
 """
+# why there is no room for as many memories as are asked for above: each keeps 8 GiB of addresses
+ABLE = """
+let said = "";
+try {
+    globalThis.kept = [0, 1, 2].map(() => new WebAssembly.Memory({ initial: 1 }));
+} catch (error) {
+    said = String(error);
+}
+"""
 NODE = """
 import * as model from "./%(name)s.mjs";
 import fs from "node:fs";
@@ -61,6 +72,10 @@ const found = await answers(model, JSON.parse(fs.readFileSync(0, "utf8")));
 fs.writeSync(1, JSON.stringify(found));
 """
 PAGE = """<!doctype html>
+<script>
+%(able)s
+fetch("/able", { method: "POST", body: said });
+</script>
 <script type="module">
 import * as model from "./%(name)s.mjs";
 let found;
@@ -76,7 +91,7 @@ await fetch("/found", { method: "POST", body: JSON.stringify(found) });
 
 
 def check(subject: Subject) -> Iterator[CheckResult]:
-    """ToolchainError without Node."""
+    """ToolchainError without a Node that can run WebAssembly."""
     node = shutil.which("node")
     if node is None:
         raise ToolchainError("node is not installed", "apt install nodejs")
@@ -88,7 +103,11 @@ def check(subject: Subject) -> Iterator[CheckResult]:
         about = f"no browser is installed: {INSTALL}"
         yield CheckResult(NO_BROWSER, 0.0, 0.0, True, about)
         return
-    outcome = _in_browser(browser, subject, asked)
+    try:
+        outcome = _in_browser(browser, subject, asked)
+    except ToolchainError as error:
+        yield CheckResult(UNABLE, 0.0, 0.0, True, error.diagnostics[0].message)
+        return
     yield from _outcomes(subject, motion, "Chromium", outcome)
 
 
@@ -142,7 +161,8 @@ def _error(subject: Subject, name: str, values: list[Any]) -> float:
 
 
 def _in_node(node: str, subject: Subject, asked: dict[str, Any]) -> dict[str, Any]:
-    """What the script found; nothing where it did not come to its end."""
+    """What the script found; nothing where it did not come to its end. ToolchainError where it
+    cannot."""
     with _served(subject) as folder:
         text = (NODE + COMMON) % {"name": subject.name}
         (folder / "check.mjs").write_text(text, "utf-8")
@@ -158,7 +178,21 @@ def _in_node(node: str, subject: Subject, asked: dict[str, Any]) -> dict[str, An
             )
         except subprocess.TimeoutExpired:
             return {}
-    return json.loads(done.stdout) if done.returncode == 0 and done.stdout else {}
+    if done.returncode == 0 and done.stdout:
+        return json.loads(done.stdout)
+    if reason := _inability(node):
+        raise ToolchainError(f"Node cannot run WebAssembly here: {reason}", ROOM)
+    return {}
+
+
+def _inability(node: str) -> str:
+    """Why it cannot run any WebAssembly; nothing where it can."""
+    probe = subprocess.run(
+        [node, "-e", f"{ABLE}console.log(said);"], check=False, capture_output=True, text=True
+    )
+    if probe.returncode:
+        return (probe.stderr.strip() or "it does not start").splitlines()[-1]
+    return probe.stdout.strip()
 
 
 @contextlib.contextmanager
@@ -175,9 +209,11 @@ def _served(subject: Subject) -> Iterator[Path]:
 
 @dataclass
 class _Talk:
-    """What the page asks for, and what it answers."""
+    """What the page asks for, and what it answers: first why it cannot run WebAssembly, "" where it
+    can."""
 
     asked: bytes
+    unable: str = "it does not open a page"
     found: dict[str, Any] = field(default_factory=dict)
     done: threading.Event = field(default_factory=threading.Event)
 
@@ -201,20 +237,27 @@ class _Handler(http.server.SimpleHTTPRequestHandler):
 
     def do_POST(self) -> None:
         length = int(self.headers.get("Content-Length", 0))
-        self.talk.found = json.loads(self.rfile.read(length))
+        said = self.rfile.read(length)
+        if self.path == "/able":
+            self.talk.unable = said.decode()
+        else:
+            self.talk.found = json.loads(said)
         self.send_response(204)
         self.end_headers()
-        self.talk.done.set()
+        if self.path != "/able":
+            self.talk.done.set()
 
     def log_message(self, format: str, *args: Any) -> None:
         """Nothing is said of what is asked for."""
 
 
 def _in_browser(browser: str, subject: Subject, asked: dict[str, Any]) -> dict[str, Any]:
-    """What the page found; nothing where it did not come to its end."""
+    """What the page found; nothing where it did not come to its end. ToolchainError where it
+    cannot."""
     talk = _Talk(json.dumps(asked).encode())
     with _served(subject) as folder:
-        page = PAGE % {"name": subject.name, "common": COMMON % {"name": subject.name}}
+        common = COMMON % {"name": subject.name}
+        page = PAGE % {"name": subject.name, "common": common, "able": ABLE}
         (folder / "check.html").write_text(page, "utf-8")
         handler = functools.partial(_Handler, directory=str(folder), talk=talk)
         with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
@@ -222,6 +265,8 @@ def _in_browser(browser: str, subject: Subject, asked: dict[str, Any]) -> dict[s
             thread.start()
             _visit(browser, f"http://127.0.0.1:{server.server_port}/check.html", folder, talk)
             server.shutdown()
+    if talk.unable and ("error" in talk.found or not talk.found):
+        raise ToolchainError(f"Chromium cannot run WebAssembly here: {talk.unable}", ROOM)
     return talk.found
 
 

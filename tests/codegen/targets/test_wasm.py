@@ -10,7 +10,10 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from codegen import compiler
@@ -101,6 +104,47 @@ def test_what_does_not_end_in_node_has_no_values(tmp_path, monkeypatch):
     (tmp_path / "wasm" / "endless.mjs").write_text("while (true);\n")
     endless = Subject("endless", tmp_path, sys, {})
     assert checked._in_node("node", endless, {"rows": {}}) == {}
+
+
+def without_memory(folder: Path, tool: str, body: str) -> str:
+    """A Node that has no room for the memory of WebAssembly, as under `ulimit -v`, or a browser."""
+    file = folder / tool
+    file.write_text(f"#!{sys.executable}\nimport sys, urllib.request as web\n{body}")
+    file.chmod(0o755)
+    return str(file)
+
+
+def test_a_node_without_room_for_webassembly_is_told_as_such(tmp_path):
+    """It was told as wrong numbers: "values in Node: not finite"."""
+    (tmp_path / "wasm").mkdir()
+    reason = "RangeError: WebAssembly.Memory(): could not allocate memory"
+    node = without_memory(
+        tmp_path, "node", f"if '-e' not in sys.argv: sys.exit(1)\nprint('{reason}')"
+    )
+    with pytest.raises(ToolchainError) as caught:
+        checked._in_node(node, Subject("small", tmp_path, sys, {}), {"rows": {}})
+    assert f"Node cannot run WebAssembly here: {reason}" in str(caught.value)
+    assert "ulimit -v unlimited" in str(caught.value)
+    silent = without_memory(tmp_path, "silent", "sys.exit('no such library')")
+    with pytest.raises(ToolchainError, match="here: no such library"):
+        checked._in_node(silent, Subject("small", tmp_path, sys, {}), {"rows": {}})
+
+
+@pytest.mark.parametrize("said, cause", [("no room", "no room"), (None, "does not open a page")])
+def test_a_browser_without_room_for_webassembly_is_told_as_such(tmp_path, monkeypatch, said, cause):
+    (tmp_path / "wasm").mkdir()
+    monkeypatch.setattr(checked, "LIMIT", 2.0)
+    post = "web.urlopen(web.Request(sys.argv[-1].replace('check.html', {!r}), data={!r}))\n"
+    asked = [] if said is None else [("able", said.encode()), ("found", b'{"error": "it is"}')]
+    body = "".join(post.format(*given) for given in asked)
+    browser = without_memory(tmp_path, "chromium", body)
+    with pytest.raises(ToolchainError, match=f"Chromium cannot run WebAssembly here: .*{cause}"):
+        checked._in_browser(browser, Subject("small", tmp_path, sys, {}), {"rows": {}})
+    monkeypatch.setattr(checked, "BROWSERS", (browser,))
+    monkeypatch.setattr(checked, "_in_node", lambda *_: {})
+    monkeypatch.setattr(checked, "motion_of", lambda _: None)
+    *_, last = checked.check(Subject("small", tmp_path, SimpleNamespace(defaults=np.zeros(1)), {}))
+    assert last.passed and last.name == checked.UNABLE and cause in last.about
 
 
 @needs_tools

@@ -42,6 +42,13 @@ _TABLE = (
 )
 FUNCTIONS = {function.name: function for function in _TABLE}
 
+# What formulas of indices may call, in braces: derive.model.repetition makes numbers of them when
+# the file is read.
+INDEX_FUNCTIONS = {
+    "mod": Function("mod", (2, 2), "number", "what is left of a division"),
+    **{name: FUNCTIONS[name] for name in ("min", "max", "abs")},
+}
+
 # Where bodies and frames are and how they move. The arguments are names of bodies, frames and
 # joints, points, directions and vectors; derive.model.kinematics says which, and makes numbers of
 # them.

@@ -26,6 +26,7 @@ from derive.expressions import tree
 from derive.expressions.evaluate import check_constants
 from derive.expressions.functions import (
     FUNCTIONS,
+    INDEX_FUNCTIONS,
     KINEMATIC_FUNCTIONS,
     OUTPUT_FUNCTIONS,
     Function,
@@ -434,7 +435,7 @@ class _Parser:
             f"unknown function '{token.text}'",
             token.at,
             listed(known, 24),
-            did_you_mean(token.text, known),
+            _in_braces(token.text) or did_you_mean(token.text, known),
         )
 
     def _rate(self, token: _Token) -> Expression:
@@ -547,6 +548,13 @@ class _Parser:
             return _Token("end", "", len(self.text))
         kind = match.lastgroup
         return _Token(kind, match.group(kind), match.start(kind))
+
+
+def _in_braces(name: str) -> str:
+    """Where a function stands that no formula has; nothing of others."""
+    if name not in INDEX_FUNCTIONS:
+        return ""
+    return f"{name}() stands in braces, of indices of `repeat:`, as in {{{name}(i, 2) + 1}}"
 
 
 def _negated(argument: Expression, at: int) -> Expression:

@@ -23,7 +23,7 @@ from typing import Any
 from derive.diagnostics import did_you_mean, listed
 from derive.expressions import tree
 from derive.expressions.evaluate import float_functions, value
-from derive.expressions.functions import FUNCTIONS, OUTPUT_FUNCTIONS, Function
+from derive.expressions.functions import FUNCTIONS, INDEX_FUNCTIONS, OUTPUT_FUNCTIONS, Function
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.units import UNITS
@@ -47,10 +47,6 @@ _RANGE = re.compile(r"\s*([+-]?\d{1,18})\s*\.\.\s*([+-]?\d{1,18})\s*\Z")
 _OPEN = re.compile(r"\s*[+-]?\d+\s*\.\.\s*\Z")
 _CALLED = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)\s*\(")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_INDEX_FUNCTIONS = {
-    "mod": Function("mod", (2, 2), "number", "what is left of a division"),
-    **{name: FUNCTIONS[name] for name in ("min", "max", "abs")},
-}
 _FORMULA_FUNCTIONS = {**FUNCTIONS, **OUTPUT_FUNCTIONS}
 
 
@@ -195,7 +191,7 @@ class Repetition:
         if "{" not in text:
             return []
         names = [word for inside in _BRACES.findall(text) for word in _WORD.findall(inside)]
-        wanted = dict.fromkeys(name for name in names if name not in _INDEX_FUNCTIONS)
+        wanted = dict.fromkeys(name for name in names if name not in INDEX_FUNCTIONS)
         for name in wanted:
             if name not in self.known:
                 self._refuse_unknown(name, span)
@@ -256,7 +252,7 @@ class Repetition:
 
 def _names(inside: str) -> frozenset[str]:
     """The indices that are named between braces."""
-    return frozenset(_WORD.findall(inside)) - _INDEX_FUNCTIONS.keys()
+    return frozenset(_WORD.findall(inside)) - INDEX_FUNCTIONS.keys()
 
 
 def _at(span: Span, where: str) -> Span:
@@ -265,7 +261,7 @@ def _at(span: Span, where: str) -> Span:
 
 @cache
 def _parsed(text: str) -> tree.Expression:
-    return expression(text, functions=_INDEX_FUNCTIONS)
+    return expression(text, functions=INDEX_FUNCTIONS)
 
 
 def _inside(text: str, bound: Binding) -> Value:

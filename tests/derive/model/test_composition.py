@@ -180,6 +180,11 @@ WRONG = [
         "8:62: error: a point in m^2",
         "where i = 1",
     ),
+    (
+        f'{CHAIN}  c{{i}}: {{type: revolute, parent: ground, child: "b{{i}}", at: ["mod(i, 2)", 0]}}',
+        "8:63: error: unknown function 'mod'",
+        "mod() stands in braces, of indices of `repeat:`, as in {mod(i, 2) + 1}",
+    ),
     (f"{REPEAT}  c{{i}}: {{mas: 1}}", "7:10: error: unknown key 'mas'", "where i = 1"),
     (f"{REPEAT}  c: {{mass: c{{i}}}}", "not valid YAML", 'quotes around a name such as "link{i}"'),
 ]

@@ -211,9 +211,11 @@ def _power(system: System, motion: Motion) -> Function:
     guards = (
         (*motion.guards, *motion.solving) if moving else guards_of(motion, system.power, system)
     )
+    drives = " and of constraints that move" if moving else ""
+    balanced = "T" if system.homogeneous else "T2 - T0"
     return Function(
         "power",
-        f"power of forces without potential: d({'T' if system.homogeneous else 'T2 - T0'} + V)/dt",
+        f"power of forces without potential{drives}: d({balanced} + V)/dt",
         Result("power", power, ("power",), ("W",)),
         guards=guards,
     )

@@ -17,7 +17,7 @@ from derive.model.reader import Reader
 class DistanceEntry(Entry):
     """Two points of two bodies keep their distance: a massless rod."""
 
-    type: Word = Field(description="Kind of entry.", json_schema_extra=term("φ = |p₂ − p₁|² − ℓ²"))
+    type: Word = Field(description="Kind of entry.", json_schema_extra=term("φ = |p₂ − p₁| − ℓ"))
     between: NameList = Field(
         description="Two bodies.", json_schema_extra=term("bodies of p₁ and p₂")
     )

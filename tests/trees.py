@@ -171,3 +171,30 @@ def gait(n: int) -> str:
     return snake(n).replace("snake", "gait").replace("0.02]}", '0.02], coordinate: "q{i}"}') + (
         f'loads: {{"wave{{i}}": {{type: expression, joint: "j{{i}}", expression: "{wave}"}}}}\n'
     )
+
+
+def afloat() -> str:
+    """The tree of `several` with loads between its bodies and the ground: contacts, a drag, a
+    spring, a bushing, forces and torques of inputs and of the time."""
+    loads = """
+  ball: {type: contact, body: b2, at: [0.1, 0, 0.2], shape: {sphere: {radius: r}}, plane: {normal: [0.6, 0, 0.8]}, stiffness: k, damping: 0.2, friction: 0.5, smoothing: 1}
+  wheel: {type: contact, body: b4, shape: {wheel: {radius: r, axis: y}}, plane: {normal: z}, stiffness: k, damping: 0.2, friction: 0.5, smoothing: 1}
+  tyre: {type: contact, body: b1, shape: {wheel: {radius: r, axis: y}}, plane: {normal: z}, stiffness: k, tyre: {longitudinal: {linear: 3}, lateral: {linear: 2}}, smoothing: 1}
+  bowl: {type: contact, body: b7, at: [0.1, 0, 0.2], shape: {sphere: {radius: r}}, surface: "z - 0.1*(x^2 + y^2)/(1 m)", stiffness: k, damping: 0.1}
+  drag: {type: force, body: b6, components: ["-(2 N*s/m)*velocity(b6, [0, 0.1, 0]).x", "(1 N)*sin((2 rad/s)*t)", 1 N], frame: ground}
+  strut: {type: spring, between: [ground, b8], at: [[0, 0.1, 0.2], [0.2, 0, 0.1]], stiffness: k, length: 0.1 m, damping: 2}
+  weld: {type: bushing, between: [b9, ground], at: [[0, 0.1, 0], [0.1, 0, 0]], stiffness: [5, 6, 7], torsion: [1, 2, 3], damping: 2, torsion_damping: 3}
+  twist: {type: torque, body: b3, components: [wind*(1 m), 0, 0], frame: ground}
+"""
+    text = several().replace("loads:\n", "loads:" + loads)
+    text = text.replace("bodies:\n", "parameters: {k: 30 N/m, r: 3 m}\nbodies:\n", 1)
+    return text.replace("inputs: {", "inputs: {wind: {unit: N}, ")
+
+
+def on_the_floor(n: int) -> str:
+    """Equal links, each with a sphere that touches the floor."""
+    floor = (
+        '  "l{i}": {type: contact, body: "b{i}", at: [0.05, 0, 0.02], shape: {sphere: {radius: 2 m}}, '
+        "plane: {normal: z}, stiffness: 100 N/m, damping: 0.1 s/m, friction: 0.5, smoothing: 0.1}\n"
+    )
+    return rope(n) + "loads:\n" + floor

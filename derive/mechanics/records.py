@@ -7,7 +7,7 @@ never functions of time. Parameters that were made constants are numbers already
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -181,6 +181,17 @@ class Carried:
 
 
 @dataclass(frozen=True)
+class Pushed:
+    """Q in two parts: `force` (nv) of what depends on the joints' own coordinates, and by link
+    (n, f) about its origin, along its axes, over its own `poses` (R row by row, r, ω, v) and
+    t, u, p."""
+
+    force: ca.SX
+    couples: Mapping[int, tuple[Vector, Vector]]
+    poses: tuple[ca.SX, ...]
+
+
+@dataclass(frozen=True)
 class System:
     """See the module's first lines; `blocks` are the constraint rows grouped, each in several
     equivalent ways of writing."""
@@ -235,6 +246,8 @@ class System:
     # equivalent sets: as given, and regrouped across the joints
     inertias: Term[tuple[tuple[Inertia, ...], ...]] = Term()
     layouts: Term[tuple[Layout, ...]] = Term()  # of the links, for their inverse dynamics
+    # what acts, link by link; raises AssumptionError where it is not by link
+    pushed: Callable[[], Pushed] | None = None
 
     @property
     def labels(self) -> tuple[str, ...]:

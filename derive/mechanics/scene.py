@@ -9,6 +9,7 @@ from functools import cached_property
 
 import casadi as ca
 
+from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Vector
 from derive.mechanics.limits import DEEP, DEEP_IN_PLANE
 from derive.mechanics.motion import STILL, Numbers, child_numbers
@@ -32,6 +33,7 @@ from derive.model.records import (
 NORMAL = {"xy": [0.0, 0.0, 1.0], "xz": [0.0, -1.0, 0.0], "yz": [1.0, 0.0, 0.0], "": [0.0, 0.0, 1.0]}
 IN_PLANE = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2), "": (0, 1, 2)}
 NOTHING: Vector = [0.0, 0.0, 0.0]
+OF_A_LINK = 18  # numbers: R, r, ω, v
 
 
 @dataclass(frozen=True)
@@ -48,20 +50,27 @@ class Scene:
     frame: Spinless | None = None
     carrier: int = -1
     beyond: tuple[int, ...] | None = None
+    cut: tuple[ca.SX, ...] = ()
 
     @cached_property
     def rotations(self) -> Rotations:
         """Ground ← link."""
+        if self.cut:
+            return [[[x[3 * i + k] for k in range(3)] for i in range(3)] for x in self.cut]
         return ground_rotations(self.links)
 
     @cached_property
     def positions(self) -> Positions:
         """Of the links' origins, in the ground."""
+        if self.cut:
+            return [_vector(x[9:12]) for x in self.cut]
         return ground_positions(self.links, self.rotations)
 
     @cached_property
     def numbers(self) -> list[Numbers]:
         """Twists (ω, v) of the links, in their frames."""
+        if self.cut:
+            return [(_vector(x[12:15]), _vector(x[15:])) for x in self.cut]
         v = [self.symbols.v[i] for i in range(self.symbols.v.numel())]
         if self.frame is None:
             return twists(self.links, v)
@@ -89,9 +98,16 @@ class Scene:
         return found
 
     def is_deep(self, link: int) -> bool:
-        """Are there many links on the way to it?"""
+        """Are there many links on the way to it, or is it not looked at?"""
+        if self.cut:
+            return link >= 0
         most = DEEP_IN_PLANE if self.model.plane else DEEP
         return len(path(self.links, link)) > most
+
+    def at_links(self) -> Scene:
+        """With symbols for where the links are and how they move."""
+        poses = [ca.SX.sym(f"pose{i}", OF_A_LINK) for i in range(len(self.links))]
+        return replace(self, cut=tuple(poses))
 
     def with_symbols(self, symbols: Symbols) -> Scene:
         """With more names; what was computed is kept."""
@@ -143,8 +159,11 @@ class Scene:
         return found
 
     def rate(self, expression: ca.SX) -> ca.SX:
-        """d/dt of a function of t and q: ∂/∂t + ∂/∂q N v."""
+        """d/dt of a function of t and q: ∂/∂t + ∂/∂q N v. Raises AssumptionError for one of where
+        a link is, by a symbol."""
         s = self.symbols
+        if self.cut and ca.depends_on(expression, ca.vertcat(*self.cut)):
+            raise AssumptionError("a force depends on how a length or a place changes")
         return ca.jtimes(expression, ca.vertcat(s.t, s.q), ca.vertcat(1, self.qdot))
 
     def speeding(self, expression: ca.SX) -> ca.SX:
@@ -174,3 +193,7 @@ class Block:
     def closing(self) -> tuple[ca.SX, ...]:
         """φ as the loop is closed by."""
         return self.assembly or self.phi
+
+
+def _vector(column: ca.SX) -> Vector:
+    return [*ca.vertsplit(column)]

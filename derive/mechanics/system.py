@@ -25,7 +25,7 @@ from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.layouts import layouts
 from derive.mechanics.limits import FEW, LONG, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
-from derive.mechanics.loads import Loads, applied, armatures
+from derive.mechanics.loads import Loads, applied, armatures, by_links
 from derive.mechanics.measures import with_measures
 from derive.mechanics.motion import (
     REST,
@@ -63,14 +63,15 @@ def ideal_system(model: Model, constants: Collection[str] | str = ()) -> tuple[S
     s = symbols(model, baked)
     links, places = links_and_places(model, s)
     qdot = _qdot(model, s)
-    scene = with_measures(Scene(model, s, qdot, links, places))
+    plain = Scene(model, s, qdot, links, places)
+    scene = with_measures(plain)
     s = scene.symbols
     parts = blocks(scene)
     loads, reacting = applied(scene)
     extra = _with_rotors(lagrangian(model, s, qdot), armatures(scene), s)
     g: Vector = s.vector(model.gravity) if model.gravity else [0.0, 0.0, 0.0]
     nonideal = _nonideal(scene, parts) + reacting
-    return _assembled(scene, baked, parts, (loads, nonideal), extra, g)
+    return _assembled((plain, scene), baked, parts, (loads, nonideal), extra, g)
 
 
 def _inertias(links: Sequence[Link]) -> tuple[tuple[Inertia, ...], ...]:
@@ -83,7 +84,7 @@ def _inertias(links: Sequence[Link]) -> tuple[tuple[Inertia, ...], ...]:
 
 
 def _assembled(
-    scene: Scene,
+    scenes: tuple[Scene, Scene],
     baked: tuple[str, ...],
     found: list[Block],
     forces: tuple[Loads, ca.SX],
@@ -92,6 +93,7 @@ def _assembled(
 ) -> tuple[System, ca.SX]:
     """M, h, Q, A, c, β, T and V from the parts, and who balances what: h holds gravity and a
     potential given by formula, Q the springs, so that M v̇ + h = Q + Aᵀ λ counts no force twice."""
+    plain, scene = scenes
     model, s, links, nv = scene.model, scene.symbols, scene.links, scene.symbols.v.numel()
     loads, nonideal = forces
     tied = any(block.rows for block in found)
@@ -162,6 +164,7 @@ def _assembled(
         assumptions=model.notes,
         z=s.z,
         zdot=of.zdot,
+        pushed=functools.cache(lambda: by_links(with_measures(plain.at_links()))),
     )
     return result, nonideal
 

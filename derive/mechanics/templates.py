@@ -40,6 +40,17 @@ class Formula:
 
 
 @dataclass(frozen=True)
+class Shared:
+    """Several formulas with parts in common, over numbers of one link: `key` names operation by
+    operation what it is made of, a constant, an argument or an operation before, and the results.
+    Alike have one key; constants stand in it in order."""
+
+    key: Key
+    constants: tuple[Scalar, ...]
+    inputs: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Slots:
     """The arguments of formulas, the number of every coordinate and velocity in its joint, and the
     link that it moves."""
@@ -145,3 +156,67 @@ def _written(
         return symbols[key[1]]
     operands = [_written(inner, of, t, constants, inputs) for inner in key[1:]]
     return _applied(key[0], operands)
+
+
+# ---- formulas with shared parts
+
+_Node = tuple[str, Any]  # "number" with its value, or "own", "input", "time", "made" with its place
+
+
+def shared(values: ca.SX, own: ca.SX, slots: Slots) -> Shared:
+    """Formulas of the numbers `own` of one link, and of t, u and p."""
+    function = ca.Function("pushed", [own, slots.u, slots.t, slots.p], [ca.densify(values)])
+    steps: list[tuple[Any, ...]] = []
+    constants: list[Scalar] = []
+    inputs: list[int] = []
+
+    def entry(argument: int, nonzero: int) -> _Node:
+        if argument == 3:
+            return "number", slots.p[nonzero]
+        return ("own", "input", "time")[argument], nonzero
+
+    def named(node: _Node) -> tuple[Any, ...]:
+        """As it stands in the key; constants and inputs go by their order."""
+        if node[0] == "number":
+            constants.append(node[1])
+            return ("number",)
+        if node[0] == "input":
+            inputs.append(node[1])
+            return ("input",)
+        return node
+
+    def operation(read: Instruction, operands: list[_Node]) -> _Node:
+        if all(kind == "number" for kind, _ in operands):
+            return "number", _applied(read.code, [x for _, x in operands])
+        steps.append((read.code, *map(named, operands)))
+        return "made", len(steps) - 1
+
+    results = run(listing(function), entry, lambda x: ("number", x), operation)[0]
+    key = (tuple(steps), tuple(map(named, results)))
+    return Shared(key, tuple(constants), tuple(inputs))
+
+
+def written_shared(
+    key: Key, own: Sequence[ca.SX], t: ca.SX, constants: Vector, inputs: Vector
+) -> Vector:
+    """The formulas over these symbols."""
+    made: Vector = []
+    left, taken = iter(constants), iter(inputs)
+
+    def value(node: tuple[Any, ...]) -> Scalar:
+        match node[0]:
+            case "number":
+                return next(left)
+            case "input":
+                return next(taken)
+            case "own":
+                return own[int(node[1])]
+            case "time":
+                return t
+            case _:
+                return made[int(node[1])]
+
+    steps, results = key
+    for code, *operands in steps:
+        made.append(_applied(code, [value(x) for x in operands]))
+    return [value(x) for x in results]

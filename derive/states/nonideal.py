@@ -66,10 +66,12 @@ def with_nonideal(system: System, C: ca.SX) -> System:
 
 
 def _with_applied(system: System, force: ca.SX) -> System:
+    pushed = system.pushed if force.is_zero() else None
+    Q = system.Q + force
     if is_deferred(system, "power"):
         power = Deferred(lambda: system.power + ca.dot(force, system.v))
-        return changed(system, Q=system.Q + force, power=power)
-    return changed(system, Q=system.Q + force, power=system.power + ca.dot(force, system.v))
+        return changed(system, Q=Q, power=power, pushed=pushed)
+    return changed(system, Q=Q, power=system.power + ca.dot(force, system.v), pushed=pushed)
 
 
 def _depends(system: System, C: ca.SX, name: str) -> bool:

@@ -4,13 +4,15 @@ stands in the tables. The formulas are those of `derive.mechanics.loops`."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import islice
 
 import casadi as ca
 import numpy as np
 
 from derive.diagnostics import AssumptionError
-from derive.expressions.scalars import Scalar, Vector
+from derive.expressions.deferred import changed
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.formulations.limits import MOST_KINDS, MOST_PARAMETRIC
 from derive.formulations.rolled.columns import Factors, signature, stacked, together
 from derive.formulations.rolled.rows import (
@@ -25,11 +27,22 @@ from derive.formulations.rolled.rows import (
     orientation,
     row_of,
 )
-from derive.formulations.rolled.ways import WAYS, AtLink, Places
-from derive.joints.rotations import is_one, plus
+from derive.formulations.rolled.ways import WAYS, AtLink, Places, Way
+from derive.joints.rotations import cross, difference, is_one, plus, product, rotated, transpose
 from derive.mechanics.loops.records import Joint, Kind, Recursion
-from derive.mechanics.records import Link, System
-from derive.mechanics.templates import Q, Slots, V, check_own, formulas, written
+from derive.mechanics.records import Link, Pushed, System
+from derive.mechanics.scene import OF_A_LINK
+from derive.mechanics.templates import (
+    Q,
+    Shared,
+    Slots,
+    V,
+    check_own,
+    formulas,
+    shared,
+    written,
+    written_shared,
+)
 from derive.model.load_records import Exhaust
 
 
@@ -44,7 +57,7 @@ def recursion(system: System, function: str = "dynamics", otherwise: str = "") -
     links, order = system.links, _order(system.links)
     frames, ground = frames_of(links, order)
     coordinates = _coordinates(system)
-    own = _own(system, coordinates, frames, way.force(system))
+    own = _of_links(system, way, coordinates, frames)
     place = {i: k for k, i in enumerate(order)} | {-1: -1}
     rows = [
         row_of(system, i, frames, ground, own[i], place[i] == place[links[i].parent] + 1)
@@ -58,7 +71,8 @@ def recursion(system: System, function: str = "dynamics", otherwise: str = "") -
     factors = Factors(system)
     kinds, kinds_of, rows_of, joints = _kinds(system, rows, at_link, factors)
     gravity = ground.T @ np.array([number(x, "gravity") for x in system.gravity])
-    loops, row = way.sweeps(joints, [exact(x) for x in gravity], at_link)
+    axes: Matrix = [[exact(x) for x in line] for line in ground]
+    loops, row = way.sweeps(joints, [exact(x) for x in gravity], axes, at_link)
     places = Places(
         system.q.numel(),
         system.v.numel(),
@@ -117,6 +131,73 @@ def _coordinates(system: System) -> list[tuple[int, ...]]:
     return found
 
 
+def _of_links(
+    system: System, way: Way, coordinates: Sequence[tuple[int, ...]], frames: Sequence[Array]
+) -> list[Own]:
+    """By link what belongs to its joint, or else to that and the link by itself."""
+    try:
+        return _own(system, coordinates, frames, way.force(system))
+    except AssumptionError:
+        if not way.pushes or system.pushed is None:
+            raise
+        pushed = system.pushed()
+        if not pushed.couples:
+            raise
+    at_joints = changed(system, Q=pushed.force)
+    found = _own(at_joints, coordinates, frames, way.force(at_joints))
+    slots = _slots(system, coordinates)
+    if way.idle:
+        pushed = _without_inputs(system, pushed)
+    return [
+        replace(own, push=_push(system, pushed, i, frames[i], slots))
+        if i in pushed.couples
+        else own
+        for i, own in enumerate(found)
+    ]
+
+
+def _without_inputs(system: System, pushed: Pushed) -> Pushed:
+    idle = ca.SX.zeros(system.u.numel())
+
+    def at_rest(x: Vector) -> Vector:
+        return [*ca.vertsplit(ca.substitute(ca.vertcat(*map(ca.SX, x)), system.u, idle))]
+
+    couples = {i: (at_rest(n), at_rest(f)) for i, (n, f) in pushed.couples.items()}
+    return replace(pushed, couples=couples)
+
+
+def _push(system: System, pushed: Pushed, i: int, frame: Array, slots: Slots) -> Shared:
+    """(n, f) about the joint point, along the frame of link i, over the pose of that frame. With F
+    (link ← frame) and the joint point b: R = R' Fᵀ, r = r' − R b, ω = F ω', v = F v' − ω × b."""
+    link = system.links[i]
+    F: Matrix = [[exact(x) for x in line] for line in frame]
+    own = ca.SX.sym("own", OF_A_LINK)
+    entries: Vector = [*ca.vertsplit(own)]
+    R = product([entries[:3], entries[3:6], entries[6:9]], transpose(F))
+    omega = rotated(F, entries[12:15])
+    at: Vector = [
+        *(x for line in R for x in line),
+        *difference(entries[9:12], rotated(R, link.b)),
+        *omega,
+        *difference(rotated(F, entries[15:]), cross(omega, link.b)),
+    ]
+    n, f = pushed.couples[i]
+    about = rotated(transpose(F), difference(n, cross(link.b, f)))
+    wrench = ca.vertcat(*[ca.SX(x) for x in (*about, *rotated(transpose(F), f))])
+    placed = ca.substitute(wrench, pushed.poses[i], ca.vertcat(*[ca.SX(x) for x in at]))
+    return shared(placed, own, slots)
+
+
+def _slots(system: System, coordinates: Sequence[tuple[int, ...]]) -> Slots:
+    return Slots(
+        system.t, system.q, system.v, system.u, system.p,
+        {k: n for own in coordinates for n, k in enumerate(own)},
+        {j: n for link in system.links for n, j in enumerate(link.columns)},
+        {(Q, k): i for i, own in enumerate(coordinates) for k in own}
+        | {(V, j): i for i, link in enumerate(system.links) for j in link.columns},
+    )  # fmt: skip
+
+
 def _own(
     system: System, coordinates: Sequence[tuple[int, ...]], frames: Sequence[Array], force: ca.SX
 ) -> list[Own]:
@@ -131,14 +212,7 @@ def _own(
         more = [*(rates[k] for k in coordinates[i]), *(x for line in turned for x in line)]
         places[i] = range(len(values), len(values) + len(more))
         values += more
-    slots = Slots(
-        system.t, system.q, system.v, system.u, system.p,
-        {k: n for own in coordinates for n, k in enumerate(own)},
-        {j: n for link in system.links for n, j in enumerate(link.columns)},
-        {(Q, k): i for i, own in enumerate(coordinates) for k in own}
-        | {(V, j): i for i, link in enumerate(system.links) for j in link.columns},
-    )  # fmt: skip
-    found = formulas(ca.SX(ca.vertcat(*values)), slots)
+    found = formulas(ca.SX(ca.vertcat(*values)), _slots(system, coordinates))
     result: list[Own] = []
     for i, (link, own) in enumerate(zip(system.links, coordinates)):
         places_of = [*link.columns, *places.get(i, ())]
@@ -251,7 +325,20 @@ def _joint(sort: Sort, values: Sequence[Scalar], t: ca.SX, at_link: AtLink) -> J
         mass=named["m"],
         moment=[named["mx"], named["my"], named["mz"]],
         tensor=tensor,
+        push=_pushed(sort, rest[count:], t, at_link.u),
     )
+
+
+def _pushed(
+    sort: Sort, constants: Sequence[Scalar], t: ca.SX, u: ca.SX
+) -> tuple[ca.SX, Vector] | None:
+    """What acts on links of a kind by themselves, over symbols for a link's pose."""
+    if sort.push is None:
+        return None
+    own = ca.SX.sym("own", OF_A_LINK)
+    left: Vector = [*constants[sum(sort.constants) :]]
+    inputs: Vector = [*ca.vertsplit(u)[sum(sort.inputs) :]]
+    return own, written_shared(sort.push, ca.vertsplit(own), t, left, inputs)
 
 
 def _written(

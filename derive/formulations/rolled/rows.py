@@ -17,7 +17,7 @@ from derive.joints.rotations import difference, is_zero, matrix, product, transp
 from derive.mechanics.limits import EXACT
 from derive.mechanics.links import moved
 from derive.mechanics.records import Inertia, Link, System
-from derive.mechanics.templates import Formula, Key
+from derive.mechanics.templates import Formula, Key, Shared
 
 Array = NDArray[np.float64]
 
@@ -51,6 +51,7 @@ class Sort:
     keys: tuple[Key, ...]
     constants: tuple[int, ...]  # of each formula
     inputs: tuple[int, ...]
+    push: Key | None  # what acts on the link by itself, whose constants and inputs come last
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,13 @@ NAMES = (
 @dataclass(frozen=True)
 class Own:
     """What belongs to a joint: its coordinates, what acts, and of a joint of several velocities the
-    rates of the coordinates and an orientation that is no single angle, as formulas."""
+    rates of the coordinates and an orientation that is no single angle, as formulas; and what acts
+    on its link by itself."""
 
     q: tuple[int, ...]
     formulas: tuple[Formula, ...]
     rotors: tuple[Scalar, ...]
+    push: Shared | None = None
 
 
 def row_of(
@@ -102,12 +105,15 @@ def row_of(
         *alpha, *gamma, *arm, offset, *beta, body.mass, *body.moment,
         *(body.tensor[a][b] for a in range(3) for b in range(a, 3)),
         *map(plain, own.rotors), *(plain(x) for of in own.formulas for x in of.constants),
+        *map(plain, own.push.constants if own.push else ()),
     ]  # fmt: skip
     keys = tuple(of.key for of in own.formulas)
     counts = tuple(len(of.constants) for of in own.formulas)
     inputs = tuple(len(of.inputs) for of in own.formulas)
-    sort = Sort(shape, further, keys, counts, inputs)
-    return Row(sort, tuple(values), tuple(k for of in own.formulas for k in of.inputs))
+    push = own.push.key if own.push else None
+    sort = Sort(shape, further, keys, counts, inputs, push)
+    taken = [k for of in own.formulas for k in of.inputs]
+    return Row(sort, tuple(values), (*taken, *(own.push.inputs if own.push else ())))
 
 
 def _origin(link: Link, q: Sequence[ca.SX]) -> tuple[Vector, Array]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from derive.expressions.scalars import Vector
+from derive.expressions.scalars import Matrix, Vector
 from derive.mechanics.loops.forward_dynamics import forward_dynamics, numbered_name
 from derive.mechanics.loops.inverse_dynamics import inverse_dynamics
 from derive.mechanics.loops.products import Along, Weights, adjoint_product, forward_product
@@ -115,12 +115,15 @@ _Made = tuple[tuple[Sweep, ...], Rows]
 
 @dataclass(frozen=True)
 class Way:
-    """A function: what acts at the joints, its sweeps, and what it reads and gives besides."""
+    """A function: what acts at the joints, its sweeps, and what it reads and gives besides; and
+    whether its sweeps know of what acts on links by themselves."""
 
     force: Callable[[System], ca.SX]
-    sweeps: Callable[[list[Joint], Vector, AtLink], _Made]
+    sweeps: Callable[[list[Joint], Vector, Matrix, AtLink], _Made]
     reads: Callable[[AtLink], tuple[Read, ...]]
     indices: Callable[[Places], dict[str, tuple[int, ...]]]
+    pushes: bool = True
+    idle: bool = False  # inputs count as zero
 
 
 def _all_forces(system: System) -> ca.SX:
@@ -139,25 +142,30 @@ def _forces_of_a_potential(system: System) -> ca.SX:
 WAYS: dict[str, Way] = {
     "dynamics": Way(
         _all_forces,
-        lambda joints, gravity, own: forward_dynamics(joints, gravity),
+        lambda joints, gravity, ground, own: forward_dynamics(joints, gravity, ground),
         lambda own: (),
         lambda at: {},
     ),
     "bias": Way(
         _forces_of_a_potential,
-        lambda joints, gravity, own: inverse_dynamics(joints, gravity, [0.0] * own.rate.numel()),
+        lambda joints, gravity, ground, own: inverse_dynamics(
+            joints, gravity, ground, [0.0] * own.rate.numel()
+        ),
         lambda own: (),
         lambda at: at.of_velocities("force", 0),
     ),
     "inverse_dynamics": Way(
         _forces_without_inputs,
-        lambda joints, gravity, own: inverse_dynamics(joints, gravity, [*ca.vertsplit(own.rate)]),
+        lambda joints, gravity, ground, own: inverse_dynamics(
+            joints, gravity, ground, [*ca.vertsplit(own.rate)]
+        ),
         lambda own: each("a", own.rate, "x", "rate"),
         lambda at: at.of_velocities("force", 0) | at.of_velocities("rate", at.size),
+        idle=True,
     ),
     "dynamics_forward": Way(
         _all_forces,
-        lambda joints, gravity, own: forward_product(
+        lambda joints, gravity, ground, own: forward_product(
             joints, gravity, Along(own.q, own.v, own.u, own.dq, own.dv, own.du)
         ),
         lambda own: (
@@ -169,10 +177,11 @@ WAYS: dict[str, Way] = {
             at.like_state("coordinate_change", "velocity_change", at.size)
             | at.inputs("input_change", 2 * at.size)
         ),
+        pushes=False,
     ),
     "dynamics_adjoint": Way(
         _all_forces,
-        lambda joints, gravity, own: adjoint_product(
+        lambda joints, gravity, ground, own: adjoint_product(
             joints, gravity, Weights(own.q, own.v, own.u, own.y_q, own.y_v)
         ),
         lambda own: (
@@ -183,5 +192,6 @@ WAYS: dict[str, Way] = {
             at.like_state("coordinate_weight", "velocity_weight", at.size)
             | at.inputs("slope", at.size)
         ),
+        pushes=False,
     ),
 }

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from derive.diagnostics import AssumptionError
+from derive.expressions.one_sided import gradient
 from derive.joints.rotations import dot
 from derive.joints.rotations import plus as plus_of
 from derive.mechanics.loads.armature import ARMATURE, armatures
@@ -25,11 +27,12 @@ from derive.mechanics.loads.spring import BALL_SPRING, JOINT_SPRING, POINT_SPRIN
 from derive.mechanics.loads.tension import TENSION
 from derive.mechanics.loads.torque import TORQUE
 from derive.mechanics.loads.wrench import WRENCH
+from derive.mechanics.records import Pushed
 from derive.mechanics.scene import Scene
 from derive.mechanics.tree import Wrench, joint_forces
 from derive.model.rows import row_names
 
-__all__ = ["LAWS", "Applied", "Law", "Loads", "along", "applied", "armatures"]
+__all__ = ["LAWS", "Applied", "Law", "Loads", "along", "applied", "armatures", "by_links"]
 
 LAWS = (
     JOINT_SPRING,
@@ -62,38 +65,80 @@ class Loads:
     power: ca.SX
 
 
-def applied(scene: Scene) -> tuple[Loads, ca.SX]:
-    """The loads, and apart from them the forces, conjugate to v (nv), that use reactions of the
-    ideal problem."""
+@dataclass
+class _Sum:
+    """What the loads contribute, so far. Couples are added up at the end."""
+
+    stored: ca.SX
+    sloped: ca.SX
+    force: ca.SX
+    reacting: ca.SX
+    lost: list[Couples]
+    pulls: list[Couples]
+    reacting_couples: list[Couples]
+
+
+def _sum(scene: Scene) -> _Sum:
+    """Of all loads and inputs."""
     nv = scene.symbols.v.numel()
-    stored, sloped, force, reacting = ca.SX(0), ca.SX(0), ca.SX.zeros(nv), ca.SX.zeros(nv)
-    lost: list[Couples] = []
-    every: list[Couples] = []
-    reacting_couples: list[Couples] = []
+    total = _Sum(ca.SX(0), ca.SX(0), ca.SX.zeros(nv), ca.SX.zeros(nv), [], [], [])
     reactions = scene.symbols.reactions(row_names(scene.model))
     for load in scene.model.loads:
         one = LAW_OF[type(load)](scene, load)
-        stored, sloped = stored + one.stored, sloped + one.energy
+        total.stored, total.sloped = total.stored + one.stored, total.sloped + one.energy
         if reactions.numel() and ca.depends_on(one.every_force, reactions):
-            reacting = plus(reacting, one.force)
-            reacting_couples.append(one.couples)
+            total.reacting = plus(total.reacting, one.force)
+            total.reacting_couples.append(one.couples)
         else:
-            force = plus(force, one.force)
-            lost.append(one.couples)
-        every.append(one.pulls)
+            total.force = plus(total.force, one.force)
+            total.lost.append(one.couples)
+        total.pulls.append(one.pulls)
     for item in scene.model.inputs:
         if item.velocity:
             gear = scene.symbols.scalar(item.gear)
             driven = gear * scene.symbols.names[item.name]
-            force = plus(force, along(scene, item.velocity, driven))
-    couples = all_of(*lost)
-    power = ca.dot(force, scene.symbols.v) + _power(scene, couples)
-    force = plus(force, _carried(scene, all_of(couples, *every)))
-    reacting = plus(reacting, _carried(scene, all_of(*reacting_couples)))
+            total.force = plus(total.force, along(scene, item.velocity, driven))
+    return total
+
+
+def applied(scene: Scene) -> tuple[Loads, ca.SX]:
+    """The loads, and apart from them the forces, conjugate to v (nv), that use reactions of the
+    ideal problem."""
+    total = _sum(scene)
+    couples = all_of(*total.lost)
+    power = ca.dot(total.force, scene.symbols.v) + _power(scene, couples)
+    force = plus(total.force, _carried(scene, all_of(couples, *total.pulls)))
+    reacting = plus(total.reacting, _carried(scene, all_of(*total.reacting_couples)))
     return (
-        Loads(stored + sloped, sloped, scene.over_v(force), scene.over_v(power)),
+        Loads(
+            total.stored + total.sloped,
+            total.sloped,
+            scene.over_v(force),
+            scene.over_v(power),
+        ),
         scene.over_v(reacting),
     )
+
+
+def by_links(scene: Scene) -> Pushed:
+    """The loads of a scene with symbols for the links' poses. Raises AssumptionError where what
+    acts on a link depends on more than that, or a joint's force on where a link is."""
+    total, s = _sum(scene), scene.symbols
+    if total.reacting_couples:
+        raise AssumptionError("a force depends on reactions")
+    N = ca.jacobian(scene.qdot, s.v)
+    force = scene.over_v(total.force - ca.mtimes(N.T, gradient(total.sloped, s.q)))
+    if ca.depends_on(force, ca.vertcat(*scene.cut)):
+        raise AssumptionError("a force at a joint depends on where a body is")
+    couples = all_of(*total.lost, *total.pulls)
+    given = {x.element_hash() for x in ca.vertsplit(ca.vertcat(s.t, s.u, s.p))}
+    for link, (moment, pushed) in couples.items():
+        own = {x.element_hash() for x in ca.vertsplit(scene.cut[link])}
+        every = ca.vertcat(*[ca.SX(x) for x in (*moment, *pushed)])
+        if not {x.element_hash() for x in ca.symvar(every)} <= own | given:
+            name = scene.links[link].name
+            raise AssumptionError(f"what acts on {name} depends on other bodies or on coordinates")
+    return Pushed(force, couples, scene.cut)
 
 
 def _power(scene: Scene, couples: Couples) -> ca.SX:

@@ -38,6 +38,7 @@ from derive.mechanics.loops.frames import (
     turned_matrix,
     turns,
 )
+from derive.mechanics.loops.poses import have_pushes, less_push, of_ground, pose, push
 from derive.mechanics.loops.records import Joint, Sweep, Visit
 from derive.mechanics.loops.sweeps import Rows, falling, orientation, rising, rows_of
 
@@ -50,13 +51,23 @@ UPPER = [(i, j) for i in range(3) for j in range(i, 3)]
 WHOLE = [(i, j) for i in range(3) for j in range(3)]
 
 
-def forward_dynamics(joints: Sequence[Joint], gravity: Vector) -> tuple[tuple[Sweep, ...], Rows]:
+def forward_dynamics(
+    joints: Sequence[Joint], gravity: Vector, ground: Matrix
+) -> tuple[tuple[Sweep, ...], Rows]:
     """The three loops for these kinds, and a row, whose symbols all kinds share. `gravity` is in
-    the axes of the ground frame that the first link was placed in."""
+    the axes of the ground frame that the first link was placed in, which are the columns of
+    `ground`."""
     rows = rows_of(joints)
+    pushed = have_pushes(joints)
+    first = (
+        rising("poses, from base to tip", joints, rows, _poses, [*ZERO, *of_ground(ground)])
+        if pushed
+        else rising("velocities, from base to tip", joints, rows, velocities, list(ZERO))
+    )
+    eliminated = _pushed_elimination if pushed else _elimination
     visits = (
-        rising("velocities, from base to tip", joints, rows, velocities, list(ZERO)),
-        falling("articulated inertias, from tip to base", joints, rows, _elimination, 27),
+        first,
+        falling("articulated inertias, from tip to base", joints, rows, eliminated, 27),
         rising("accelerations, from base to tip", joints, rows, _accelerations, falls(gravity)),
     )
     return visits, rows[0]
@@ -73,6 +84,14 @@ def velocities(joint: Joint, row: Rows, received: Vector) -> Visit:
     bias = cross(received, cross(received, arm(joint)))
     values = {OMEGA + k: x for k, x in enumerate(omega)} | {BIAS + k: x for k, x in enumerate(bias)}
     return Visit(values | orientation(joint), omega)
+
+
+def _poses(joint: Joint, row: Rows, received: Vector) -> Visit:
+    """The same, with where the link is, and what acts on it there."""
+    omega = received[:3]
+    visit = velocities(joint, row, omega)
+    at = pose(joint, row, omega, received[3:], relative(joint)[3:])
+    return Visit(visit.kept | push(joint, visit.handed, at), [*visit.handed, *at])
 
 
 def relative(joint: Joint) -> Vector:
@@ -106,6 +125,12 @@ def _twice(x: Scalar) -> Scalar:
 
 def _elimination(joint: Joint, row: Rows, received: Vector) -> Visit:
     return elimination(joint, row, received)[0]
+
+
+def _pushed_elimination(joint: Joint, row: Rows, received: Vector) -> Visit:
+    """Where something acts on links by themselves."""
+    without = less_push(row, received[21:27])
+    return elimination(joint, row, [*received[:21], *without])[0]
 
 
 def elimination(joint: Joint, row: Rows, received: Vector) -> tuple[Visit, Vector]:

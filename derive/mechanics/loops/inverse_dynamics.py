@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
-from derive.expressions.scalars import Scalar, Vector
+from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import cross, dot, minus, plus, scaled, sum_of
 from derive.mechanics.loops.forward_dynamics import (
     ZERO,
@@ -23,21 +23,25 @@ from derive.mechanics.loops.forward_dynamics import (
     velocity_products,
 )
 from derive.mechanics.loops.frames import arm, from_parent, to_parent
+from derive.mechanics.loops.poses import have_pushes, of_ground, pose, push
 from derive.mechanics.loops.records import Joint, Sweep, Visit
-from derive.mechanics.loops.sweeps import Rows, falling, orientation, rising, rows_of
+from derive.mechanics.loops.sweeps import PUSH, Rows, falling, orientation, rising, rows_of
 
 WRENCH = 2  # where the link's own stands
 
 
 def inverse_dynamics(
-    joints: Sequence[Joint], gravity: Vector, rate: Vector
+    joints: Sequence[Joint], gravity: Vector, ground: Matrix, rate: Vector
 ) -> tuple[tuple[Sweep, ...], Rows]:
     """The two loops for these kinds; `rate` is v̇ of the link at hand, of as many
     velocities as a joint has at most: zeros for the bias."""
     rows = rows_of(joints)
     start = [*ZERO, *falls(gravity)]
+    moving = partial(_motion, rate)
+    if have_pushes(joints):
+        start, moving = [*start, *of_ground(ground)], partial(_pushed_motion, rate)
     sweeps = (
-        rising("motion, from base to tip", joints, rows, partial(_motion, rate), start),
+        rising("motion, from base to tip", joints, rows, moving, start),
         falling("wrenches, from tip to base", joints, rows, partial(_balance, rate), 6),
     )
     return sweeps, rows[0]
@@ -47,6 +51,15 @@ def _motion(rate: Vector, joint: Joint, row: Rows, received: Vector) -> Visit:
     moved = motion(joint, row, received, rate)
     kept = {WRENCH + k: x for k, x in enumerate(wrench(joint, moved))}
     return Visit(kept | orientation(joint), moved)
+
+
+def _pushed_motion(rate: Vector, joint: Joint, row: Rows, received: Vector) -> Visit:
+    """The same, with where the link is, and without what acts on it there."""
+    visit = _motion(rate, joint, row, received[:9])
+    at = pose(joint, row, received[:3], received[9:], relative(joint)[3:])
+    acting = push(joint, visit.handed[:3], at)
+    needed = {WRENCH + k: minus(visit.kept[WRENCH + k], acting[PUSH + k]) for k in range(6)}
+    return Visit(visit.kept | needed, [*visit.handed, *at])
 
 
 def motion(joint: Joint, row: Rows, received: Vector, rate: Sequence[Scalar]) -> Vector:

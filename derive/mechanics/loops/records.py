@@ -19,7 +19,8 @@ class Joint:
     by the `angle`, or by the matrix `turned`, or not at all. Its origin is at `place` where the
     joint is at zero; each coordinate shifts it from there along one of the axes behind the first
     three turns, or not at all (−1 of `shifts`). Each velocity is along one of the `axes` of a twist
-    in the frame, 0 … 2 angular, 3 … 5 linear.
+    in the frame, 0 … 2 angular, 3 … 5 linear. `push` is what acts on the link by itself, (n, f) in
+    its frame, over symbols for R, row by row, and r in the ground, and ω and v in the frame.
     """
 
     axes: tuple[int, ...]
@@ -38,6 +39,7 @@ class Joint:
     mass: Scalar
     moment: Vector
     tensor: Matrix
+    push: tuple[ca.SX, Vector] | None = None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from derive.mechanics.loops.records import Joint, Sweep, Visit
 
 SINE, COSINE = 0, 1  # where the angle's stand in the row of a link
 TURNED = 80  # … and an orientation that is no single angle
-MOST_KEPT = 89  # entries of a row
+PUSH = 89  # … and what acts on it by itself
+MOST_KEPT = 95  # entries of a row
 
 
 @dataclass

@@ -5,7 +5,7 @@ Of codegen.passes: roll.
 Of codegen.targets: rolled.
 Of derive.formulations.rolled: columns, factors, recursion, rows, ways.
 Of derive.mechanics: templates.
-Of derive.mechanics.loops: forward_dynamics, frames, inverse_dynamics, products, records, sweeps.
+Of derive.mechanics.loops: forward_dynamics, frames, inverse_dynamics, poses, products, records, sweeps.
 """
 
 from __future__ import annotations
@@ -41,7 +41,20 @@ from hamel.build.module import published
 from hamel.build.options import BuildOptions
 from hamel.build.stages import equations_of, program_for
 from tests.scenes import MODELS
-from tests.trees import chain, equal_links, gait, rod, rope, several, snake, strapped, tree, urdf
+from tests.trees import (
+    afloat,
+    chain,
+    equal_links,
+    gait,
+    on_the_floor,
+    rod,
+    rope,
+    several,
+    snake,
+    strapped,
+    tree,
+    urdf,
+)
 
 DYNAMICS = ("dynamics",)
 FUNCTIONS = (*DYNAMICS, "bias", "inverse_dynamics", "dynamics_forward", "dynamics_adjoint")
@@ -101,6 +114,46 @@ def test_loops_give_what_straight_code_gives(
         assert np.abs(found - expected).max() <= CLOSE * np.abs(expected).max(), name
 
 
+PUSHED = {"afloat": afloat(), "on the floor": on_the_floor(6)}
+OF_PUSHED = ("dynamics", "bias", "inverse_dynamics")
+
+
+@pytest.mark.parametrize("name", PUSHED)
+def test_what_acts_on_links_by_themselves_is_part_of_the_loops(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Contacts, drag and ties to the ground, over where the link is and how it moves."""
+    equations = derived(tmp_path, PUSHED[name])
+    ways = {roll: program(equations, OF_PUSHED, roll=roll) for roll in ("always", "never")}
+    modules = {roll: numpy_module(tmp_path, made, monkeypatch) for roll, made in ways.items()}
+    for function in OF_PUSHED:
+        assert ways["always"].kernel(function).rolled, function
+        row = states(ways["never"], 5, function)
+        found, expected = (getattr(module, function)(0.3, *row) for module in modules.values())
+        assert np.abs(found - expected).max() <= 10 * CLOSE * np.abs(expected).max(), function
+
+
+def test_products_of_derivatives_know_nothing_of_what_acts_on_links(tmp_path: Path) -> None:
+    with pytest.raises(AssumptionError, match="depends on other joints"):
+        program(derived(tmp_path, on_the_floor(6)), ("dynamics_forward",), roll="always")
+
+
+@pytest.mark.parametrize(
+    ("load", "reason"),
+    [
+        ('{type: force, body: b4, components: ["(1 N)*sin(j0_qx)", 0 N, 0 N], frame: ground}', "depends on other"),
+        ("{type: spring, between: [b0, b4], at: [[0, 0.1, 0], [0.1, 0, 0]], stiffness: 3, length: 0.1 m}", "depends on other joints"),
+        ('{type: expression, velocity: j4.wx, expression: "(1 N)*position(b4, [0.1, 0, 0]).x"}', "depends on other joints|where a body is"),
+    ],
+)  # fmt: skip
+def test_what_depends_on_more_than_a_link_is_refused(
+    load: str, reason: str, tmp_path: Path
+) -> None:
+    text = rope(5) + f"loads:\n  l: {load}\n"
+    with pytest.raises(AssumptionError, match=reason):
+        program(derived(tmp_path, text), DYNAMICS, roll="always")
+
+
 def test_products_of_derivatives_in_loops_are_slopes_of_the_dynamics(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -122,16 +175,21 @@ def test_products_of_derivatives_in_loops_are_slopes_of_the_dynamics(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "text", [chain(50), tree(), equal_links(9), several(), rope(5), rod(5), snake(6), gait(6)]
+    "text",
+    [
+        *(chain(50), tree(), equal_links(9), several(), rope(5), rod(5), snake(6), gait(6)),
+        *PUSHED.values(),
+    ],
 )
 def test_compiled_loops_one_by_one_and_in_lanes(text: str, tmp_path: Path) -> None:
     equations = derived(tmp_path, text)
-    straight = program(equations, FUNCTIONS, roll="never")
+    functions = OF_PUSHED if text in PUSHED.values() else FUNCTIONS
+    straight = program(equations, functions, roll="never")
     plain = loader.load(published(straight, tmp_path / "straight").folder)
     rolled = loader.load(
-        published(program(equations, FUNCTIONS, roll="always"), tmp_path / "rolled").folder
+        published(program(equations, functions, roll="always"), tmp_path / "rolled").folder
     )
-    for name in FUNCTIONS:
+    for name in functions:
         x, u, p = states(straight, 37, name)  # full groups of lanes, and some left over
         expected, call = getattr(plain, name)(0.3, x, u, p), getattr(rolled, name)
         alone = np.array([call(0.3, *row) for row in zip(x, u, p)])

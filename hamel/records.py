@@ -326,6 +326,9 @@ class Linearized:
     motion: str
     values: Mapping[str, float]  # parameters and free names where A to D are taken
     steady: Mapping[str, float]
+    strayed: Mapping[
+        str, tuple[float, float]
+    ]  # coordinates far from the guess: there, and in the motion
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]

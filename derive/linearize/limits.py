@@ -49,6 +49,8 @@ RANK = 1e-10  # relative singular value below which a direction is left alone
 KEPT = 1e-9  # relative residual up to which a motion is steady
 STRAYS = 1e-3  # relative step that is no last one: a search that still makes it runs away
 HALVINGS = 8  # of one of its steps
+LEAP = 0.7  # rad or own length, against 1 + |q|: the largest step of a coordinate taken at once
+FAR = 1.0  # rad or own length: a motion beyond is looked for nearer to the guess, and told
 CREEPS = 1e-5  # a largest speed below this is tried at rest
 FLAT = 1e-3  # the least slope that a row's residual is measured by
 

@@ -1,5 +1,5 @@
 """Steady motions: all but the cyclic coordinates and all quasi-velocities constant, found by Newton
-with the exact Jacobian."""
+with the exact Jacobian of the forces that are not balanced."""
 
 from __future__ import annotations
 
@@ -15,11 +15,14 @@ from derive.expressions.deferred import changed
 from derive.expressions.evaluate import number, value
 from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
+from derive.linearize.balance import Balance, forces
 from derive.linearize.limits import (
     CREEPS,
+    FAR,
     FLAT,
     HALVINGS,
     KEPT,
+    LEAP,
     RANK,
     STANDS,
     STEADY_STEPS,
@@ -39,7 +42,8 @@ from derive.states.speeds import speed_rows
 
 GUESS = "guess"
 NEARER = 5  # times that the way from one steady motion to the next is halved
-BESIDE = (0.1, 0.3, 1.0)  # how far beside the initial values `guess` starts at last
+BESIDE = (0.1, 0.3, 1.0)  # how far beside the first start others are tried
+TOLD = 3  # changes from the guess that are told at most
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,7 @@ class Problem:
     rows: tuple[str, ...]
     units: tuple[str, ...]
     function: ca.Function  # (x, u, p, s) → R, ∂R/∂(x, u)
+    balance: Balance  # the rows that are searched with
     residual: ca.Function  # (x, u, p, s) → R
     shifts: ca.Function  # (x, u, p, s) → ∂R/∂(p, s)
     kinematics: Kinematics
@@ -61,6 +66,7 @@ class Problem:
     names: tuple[str, ...]  # what is held
     held: ca.Function  # (p, s) → its values
     scale: np.ndarray  # one of each unknown
+    still: tuple[int, ...]  # coordinates that the motion keeps: all but the cyclic ones
 
     def given(self, p: np.ndarray, s: np.ndarray) -> dict[str, float]:
         """Held values by name, in SI, for these parameters p and free names s."""
@@ -136,6 +142,9 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
     y = ca.vertcat(x, u)
     B = equations.term("B")
     known = [x, u, p, s]
+    function = ca.Function("steady", known, [R, ca.densify(ca.jacobian(R, y))])
+    residual = ca.Function("residual", known, [R])
+    first = positions.numel() + still.index(equations.speeds.start) if equations.w else 0
     pivots = [guard.value / guard.tolerance for guard in equations.function("dynamics").guards]
     return Problem(
         equations=equations,
@@ -146,8 +155,9 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
             *(f.units[i] for i in still),
             *(quantities[name][1] for name in wanted),
         ),
-        function=ca.Function("steady", known, [R, ca.densify(ca.jacobian(R, y))]),
-        residual=ca.Function("residual", known, [R]),
+        function=function,
+        balance=forces(equations, known, R, first) or Balance(residual, function),
+        residual=residual,
         shifts=ca.Function("shifts", known, [ca.densify(ca.jacobian(R, ca.vertcat(p, s)))]),
         kinematics=Kinematics(changed(system, p=system.own_p)),
         speeds=ca.Function("B", [system.t, system.q, system.own_p], [ca.densify(B)]),
@@ -161,6 +171,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         scale=scales(system.model).all_of(
             (*equations.arguments[1].units, *(i.unit for i in system.model.inputs))
         ),
+        still=tuple(i for i in range(system.q.numel()) if i not in cyclic),
     )
 
 
@@ -203,20 +214,51 @@ def _declared(equations: Equations) -> dict[str, tuple[ca.SX, str]]:
 
 
 def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """(x, u) of the steady motion for one set of values, from the starts in turn.
+    """(x, u) of the steady motion for one set of values: the first that is found near the first
+    start, or else the nearest to it that any start leads to.
 
     Motions that creep are tried at rest: where velocities enter squared, Newton's method comes to
     rest slowly. Raises AssumptionError.
     """
     problem: AssumptionError | None = None
-    for y in starts(found, p, s):
+    motions: list[tuple[float, np.ndarray]] = []
+    guess = None
+    for start in starts(found, p, s):
+        guess = start if guess is None else guess
         try:
-            y = _at_rest(found, solved(found, p, s, y), p, s)
+            y = _at_rest(found, solved(found, p, s, start), p, s)
             _check_attitude(found, y[: found.equations.system.q.numel()], p)
-            return y
         except AssumptionError as error:
             problem = problem or error
+            continue
+        motions.append((float(np.max(_strayed(found, guess, y), initial=0.0)), y))
+        if motions[-1][0] <= FAR:
+            break
+    if motions:
+        return min(motions, key=lambda motion: motion[0])[1]
     raise problem or AssertionError
+
+
+def _strayed(found: Problem, guess: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """By what each coordinate that the motion keeps differs, in the model's own units."""
+    kept = list(found.still)
+    return np.abs(y - guess)[kept] / found.scale[kept]
+
+
+def moves(
+    found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray
+) -> tuple[tuple[str, float, float], ...]:
+    """Coordinates with their values at the guess and at the motion y = (x, u), the largest changes
+    first, where the motion is far from the guess; else none."""
+    guess = next(starts(found, p, s))
+    by = _strayed(found, guess, y)
+    largest = np.max(by, initial=0.0)
+    if largest <= FAR:
+        return ()
+    order = sorted(range(len(by)), key=lambda k: -by[k])[:TOLD]
+    names = found.equations.arguments[1].labels
+    places = [found.still[k] for k in order if by[k] > largest / 10]
+    return tuple((names[i], float(guess[i]), float(y[i])) for i in places)
 
 
 def _check_attitude(found: Problem, q: np.ndarray, p: np.ndarray) -> None:
@@ -243,29 +285,28 @@ def _at_rest(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.
 
 
 def starts(found: Problem, p: np.ndarray, s: np.ndarray) -> Iterator[np.ndarray]:
-    """(x, u) to begin with. A motion of the file has one: held and guessed values put in, the rest
-    nearest to rest on the constraints. `guess` begins at the initial values, then at rest there,
-    then at rest a little beside them.
+    """(x, u) to begin with. A motion of the file has held and guessed values put in, and is nearest
+    to rest on the constraints; `guess` begins at the initial values, then at rest there. Then a
+    little beside these, as far as values are not held.
     """
     system, motion = found.equations.system, found.motion
-    if motion.name != GUESS or motion.values:
-        given = found.given(p, s) | {name: _number(found, e, p) for name, e in motion.guesses}
-        q = _positions(found, given, p)
+    given = found.given(p, s) | {name: _number(found, e, p) for name, e in motion.guesses}
+    free = np.array([c.name not in dict(motion.values) for c in system.model.coordinates])
+    if motion.name == GUESS and not motion.values:
+        initial = initial_state(system, p=p)
+        q, spreads = initial.q, (0.0, *BESIDE)
+        _check_attitude(found, q, p)
+        yield _state(found, given, q, initial.v, p)
+    else:
+        q, spreads = _positions(found, given, free, p), BESIDE
         _check_attitude(found, q, p)
         yield _state(found, given, q, _velocities(found, given, q, p), p)
-        return
-    initial = initial_state(system, p=p)
-    _check_attitude(found, initial.q, p)
-    yield _state(found, {}, initial.q, initial.v, p)
-    rng, rest = np.random.default_rng(0), np.zeros(system.v.numel())
-    for spread in (0.0, *BESIDE):
-        q = normalised(
-            system,
-            initial.q + spread * found.scale[: len(initial.q)] * rng.uniform(-1, 1, len(initial.q)),
-        )
-        on = closed(found.kinematics, 0.0, q, p)
+    rng, sizes = np.random.default_rng(0), found.scale[: len(q)] * free
+    for spread in spreads:
+        beside = normalised(system, q + spread * sizes * rng.uniform(-1, 1, len(q)))
+        on = closed(found.kinematics, 0.0, beside, p, free)
         if on is not None:
-            yield _state(found, {}, on, rest, p)
+            yield _state(found, given, on, _velocities(found, given, on, p), p)
 
 
 def _number(found: Problem, formula: Expression, p: np.ndarray) -> float:
@@ -285,12 +326,13 @@ def _state(
     )
 
 
-def _positions(found: Problem, given: dict[str, float], p: np.ndarray) -> np.ndarray:
+def _positions(
+    found: Problem, given: dict[str, float], free: np.ndarray, p: np.ndarray
+) -> np.ndarray:
     system = found.equations.system
     q = nominal(system)
     for i, c in enumerate(system.model.coordinates):
         q[i] = given.get(c.name, q[i])
-    free = np.array([c.name not in dict(found.motion.values) for c in system.model.coordinates])
     q = normalised(system, q)
     on = closed(found.kinematics, 0.0, q, p, free)
     return q if on is None else on
@@ -313,24 +355,39 @@ def _velocities(
 
 
 def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(x, u) of the steady motion near y, by damped Newton in the model's own units. Steps are
-    those of least squares: a family of steady motions leaves directions open, and rows may repeat
-    each other. Raises AssumptionError, with the residual, where there is none."""
+    """(x, u) of the steady motion near y, by damped Newton on forces, or else on rates: these grow
+    where the choice turns singular, and say so. Raises AssumptionError, with the residual, where
+    there is none."""
+    rates = Balance(found.residual, found.function)
+    if found.balance.mass is not None:
+        try:
+            return _solved(found, found.balance, p, s, y)
+        except AssumptionError:
+            pass
+    return _solved(found, rates, p, s, y)
+
+
+def _solved(
+    found: Problem, balance: Balance, p: np.ndarray, s: np.ndarray, y: np.ndarray
+) -> np.ndarray:
+    """In the model's own units. Steps are those of least squares: a family of steady motions leaves
+    directions open, and rows may repeat each other."""
     y, free = with_inputs(found, y, p, s)
     D = found.scale
-    rows = row_sizes(found, _evaluated(found, y, p, s)[1])
+    rates = row_sizes(found, _evaluated(found, found.function, y, p, s)[1])
+    rows = balance.sizes(y, p, rates)
     step, done = np.zeros_like(y), False
     for _ in range(STEADY_STEPS):
-        residual, slopes = _evaluated(found, y, p, s)
+        residual, slopes = _evaluated(found, balance.function, y, p, s)
         scaled = slopes * (free * D) / rows[:, None]
         step = -D * np.linalg.lstsq(scaled, residual / rows, rcond=RANK)[0]
-        y, done = _damped(found, y, step, p, s, residual, rows)
+        y, done = _damped(found, balance, y, step, (p, s), residual, rows)
         if done:
             break
     if not done and _share(found, step, y) > STRAYS:
         raise _lost(found, y, step)
-    R, J = _evaluated(found, y, p, s)
-    worst = _excess(R / rows, J * D / rows[:, None], y / D)
+    R, J = _evaluated(found, found.function, y, p, s)
+    worst = _excess(R / rates, J * D / rates[:, None], y / D)
     if not np.all(np.isfinite(R)) or np.max(worst, initial=0.0) > KEPT:
         raise _refused(found, R, worst, s)
     return y
@@ -371,10 +428,10 @@ def with_inputs(
 
 
 def _evaluated(
-    found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray
+    found: Problem, function: ca.Function, y: np.ndarray, p: np.ndarray, s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     nx = found.equations.arguments[1].symbols.numel()
-    values, slopes = found.function(y[:nx], y[nx:], p, s)
+    values, slopes = function(y[:nx], y[nx:], p, s)
     R, J = np.asarray(values).ravel(), np.asarray(slopes)
     if not (np.all(np.isfinite(R)) and np.all(np.isfinite(J))):
         raise _singular(found)
@@ -392,25 +449,35 @@ def _singular(found: Problem) -> AssumptionError:
 
 def _damped(
     found: Problem,
+    balance: Balance,
     y: np.ndarray,
     step: np.ndarray,
-    p: np.ndarray,
-    s: np.ndarray,
+    given: tuple[np.ndarray, np.ndarray],
     R: np.ndarray,
     rows: np.ndarray,
 ) -> tuple[np.ndarray, bool]:
-    """The step, halved while it makes things worse; done where it no longer moves anything."""
+    """The step, no leap and halved while it makes things worse; done where it no longer moves
+    anything."""
     nx = found.equations.arguments[1].symbols.numel()
-    before, scale = float(np.linalg.norm(R / rows)), 1.0
+    before, scale = float(np.linalg.norm(R / rows)), _leap(found, y, step)
     for _ in range(HALVINGS):
         trial = y + scale * step
-        after = np.asarray(found.residual(trial[:nx], trial[nx:], p, s)).ravel()
+        after = np.asarray(balance.values(trial[:nx], trial[nx:], *given)).ravel()
         if np.all(np.isfinite(after)) and float(np.linalg.norm(after / rows)) <= before:
             break
         scale /= 2
     else:
         return y, True
     return trial, _share(found, step, y) <= STANDS or before == 0.0
+
+
+def _leap(found: Problem, y: np.ndarray, step: np.ndarray) -> float:
+    """The part of a step that moves no coordinate too far at once: equilibria near by are not
+    leaped over."""
+    nq = found.equations.system.q.numel()
+    moved, size = (float(np.max(np.abs(x[:nq] / found.scale[:nq]), initial=0.0)) for x in (step, y))
+    allowed = LEAP * (1.0 + size)
+    return 1.0 if moved <= allowed else allowed / moved
 
 
 def _share(found: Problem, step: np.ndarray, y: np.ndarray) -> float:

@@ -21,7 +21,7 @@ from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import evaluator
 from derive.linearize.records import Steady
 from derive.linearize.sensitivity import Mode, modes
-from derive.linearize.steady import check_still, motion_of
+from derive.linearize.steady import check_still, motion_of, moves
 from derive.linearize.study import Study
 from derive.linearize.unreduced import unreduced
 from hamel.build.clock import Clock
@@ -126,7 +126,8 @@ def _differ(study: Study, x: np.ndarray, u: np.ndarray, p: np.ndarray, across: n
 
 def _record(study: Study, made: Sweep, clock: Clock) -> Linearized:
     form, equations = study.linear, study.equations
-    motions = study.motions({})
+    motions, (p, s) = study.motions({}), study.values({})
+    found = np.append(motions.x[0], motions.u[0])
     states, inputs = equations.arguments[1].labels, equations.arguments[2].labels
     numbers = {
         name: evaluator(equations, getattr(form, name))(motions.x, motions.u, motions.p)[0].tolist()
@@ -138,7 +139,8 @@ def _record(study: Study, made: Sweep, clock: Clock) -> Linearized:
         choice=equations.choice,
         motion=study.problem.motion.name,
         values=study.at,
-        steady=dict(zip((*states, *inputs), (*motions.x[0].tolist(), *motions.u[0].tolist()))),
+        steady=dict(zip((*states, *inputs), found.tolist())),
+        strayed={name: (a, b) for name, a, b in moves(study.problem, p[0], s[0], found)},
         states=form.states,
         inputs=form.inputs,
         outputs=form.outputs,
@@ -210,6 +212,9 @@ def show(record: Linearized, console: Console) -> None:
         f"{name} {value:.6g}" for name, value in record.steady.items() if abs(value) > SEEN
     )
     console.print(f"{record.model}, steady motion '{record.motion}': {at or 'at rest'}")
+    if record.strayed:
+        changes = (f"{name} {a:.6g} → {b:.6g}" for name, (a, b) in record.strayed.items())
+        console.print(f"  far from the guess: {', '.join(changes)}")
     console.print(f"  {len(record.states)} minimal states: {', '.join(record.states)}")
     zeros = [f"{len(record.cyclic)} cyclic ({', '.join(record.cyclic)})"] if record.cyclic else []
     zeros += [f"{record.families} along families of steady motions"] if record.families else []

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import DEPENDENT, LOOKED_AT, TAKES_PART
+from derive.choices.limits import DEPENDENT, LOOKED_AT, SHORT_ROW, TAKES_PART
+from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.records import Row, RowForm, System
 from derive.mechanics.solve import ldl_solution, scalars
@@ -156,6 +157,34 @@ def dependent_rows(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
     ]
     dependent = [group for group in dependent if group.others[0] in kept]
     return " and ".join(text for text, _ in _claims(system, dependent))
+
+
+def check_repeated(
+    system: System, A: np.ndarray, kept: Sequence[int], least: float = DEPENDENT
+) -> None:
+    """Raises AssumptionError where rows other than the `kept` ones do not repeat these at a
+    consistent state with this A, as with other parameters: equations that leave them out would let
+    the loop break. Singular values below `least` are zero."""
+    lengths = np.linalg.norm(A, axis=1, keepdims=True)
+    longest = float(np.max(lengths, initial=0.0)) or 1.0
+    scaled = A / np.maximum(lengths, SHORT_ROW * longest)
+    rank = int(np.linalg.matrix_rank(scaled, tol=least))
+    if rank <= len(kept):
+        return
+    held, freed = list(kept), list[int]()
+    for i in (i for i in range(len(A)) if i not in kept):
+        if np.linalg.matrix_rank(scaled[[*held, i]], tol=least) > len(held):
+            held.append(i)
+            freed.append(i)
+    repeats = f"{_listing(system, freed)} repeat{'' if len(freed) > 1 else 's'} other rows"
+    speeds = system.v.numel()
+    raise AssumptionError(
+        f"{system.model.name}: {repeats} with the values of the file, but not with these: the rank "
+        f"of the constraints is {rank}, not {len(kept)}, and {speeds - rank} speeds are free, not "
+        f"{speeds - len(kept)}",
+        "values with which the loop closes, or these values in the file: what repeats is found "
+        "there",
+    )
 
 
 def _claims(system: System, found: Sequence[Group]) -> Iterator[tuple[str, int]]:

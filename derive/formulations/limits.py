@@ -34,6 +34,8 @@ USUAL = 3  # … the size of its terms where that is more than so many powers of
 # number, where M takes the square and the bordered matrix the cube
 MANY = 10
 FEW_ROWS = 0.25  # of the velocities: of so many at most M⁻¹ Aᵀ is looked for by the recursion
+# what a dropped row counts beside those that it repeats: met to 1e-7, where kept ones are to 1e-13
+REPEATED = 1e-6
 MOST_STEPS = 20  # of Newton; it doubles the digits in each, or does not converge
 
 # distribution

@@ -11,7 +11,15 @@ from derive.diagnostics import HamelError
 from derive.expressions.counting import alternatives
 from derive.expressions.scalars import Vector
 from derive.formulations.gauss import constrained_motion, rows_of, tree_inverse_applied
-from derive.formulations.limits import CLOSED, FEW_ROWS, MANY, MOST_STEPS, PER_RADIAN, USUAL
+from derive.formulations.limits import (
+    CLOSED,
+    FEW_ROWS,
+    MANY,
+    MOST_STEPS,
+    PER_RADIAN,
+    REPEATED,
+    USUAL,
+)
 from derive.formulations.motion import Motion, at_motion, guards_of, labels_of_state
 from derive.formulations.multipliers import least_change
 from derive.formulations.records import Function, Iteration, Result
@@ -75,6 +83,9 @@ def projection(system: System, motion: Motion) -> Function | None:
 
     By Gauss's principle δ is what v̇ is at rest without forces where A v̇ = −φ: S y + R (−φ) with
     Sᵀ M S y = −Sᵀ M R (−φ). For many velocities it is found so, if R and S are regular everywhere.
+
+    Rows that were dropped take no part in the step, but have to be met by what the others lead to:
+    with other parameters they need not repeat them, and the loop does not close.
     """
     closing = list(motion.closing)
     if not closing and not system.quaternions and not (motion.projects_velocity and motion.kept):
@@ -83,9 +94,12 @@ def projection(system: System, motion: Motion) -> Function | None:
     sizes = _sizes(system) if closing else []
     positions = [system.rows[i].position for i in closing]
     turned = _turned(system, positions)
+    repeating = [k for k in range(system.phi.numel()) if closing and k not in positions]
     violation = [
-        (system.phi[k] if sizes[k] == 1.0 else system.phi[k] / sizes[k]) / turned for k in positions
+        (system.phi[k] if sizes[k] == 1.0 else system.phi[k] / sizes[k]) / turned
+        for k in (*positions, *repeating)
     ]
+    violation[len(positions) :] = [REPEATED * x for x in violation[len(positions) :]]
     w = motion.w
     if motion.projects_velocity and motion.kept:
         w, rest = _velocity_step(system, motion)

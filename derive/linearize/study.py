@@ -10,6 +10,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from derive.choices.redundancy import check_repeated
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.cyclic import confirmed, cyclic_coordinates
@@ -170,7 +171,8 @@ def study(
 
 
 def _check_rank(equations: Equations, motion: SteadyMotion, y: np.ndarray, p: np.ndarray) -> None:
-    """The rows of A are as independent at the motion y = (x, u) as anywhere else."""
+    """The rows of A are as independent at the motion y = (x, u) as anywhere else, and those that
+    repeat others do there, too."""
     system = equations.system
     if system.v.numel() == len(equations.w):
         return
@@ -180,6 +182,8 @@ def _check_rank(equations: Equations, motion: SteadyMotion, y: np.ndarray, p: np
     rows = np.zeros(found.pattern.shape)
     entries = evaluator(equations, found.value)(x[None], u[None], p[None])[0, :, 0]
     rows[list(found.pattern.rows), list(found.pattern.columns)] = entries
+    if len(equations.kept) < len(rows) and not np.array_equal(p, system.own_parameters):
+        check_repeated(system, rows, equations.kept, DEPENDENT)
     rank = int(np.linalg.matrix_rank(rows, tol=DEPENDENT))
     speeds = system.v.numel() - rank
     if speeds > len(equations.w):

@@ -20,7 +20,7 @@ import numpy as np
 
 from codegen.integrators import AUTO, AUTOMATIC
 from codegen.reals import real_of
-from derive.choices.redundancy import dependent_rows
+from derive.choices.redundancy import check_repeated, dependent_rows
 from derive.choices.survey import survey_of
 from derive.diagnostics import AssumptionError, HamelError, ModelError, VerificationError
 from derive.enforcement import Enforcement, Options, kept_equations, usual_rate
@@ -32,6 +32,7 @@ from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.model.kinks import pieces
 from derive.robots.reading import load
+from derive.states.closing import Kinematics
 from derive.states.initial import Initial, initial_state
 from hamel import charts
 from hamel.build.assurance import assure
@@ -204,6 +205,7 @@ def problem_of(
         initial = initial_state(system, given.initial, p, t)
     with clock("formulation", "System → Equations"):
         plain = equations(system, method.choice, method.formulation)
+        check_start(plain, initial, p, t)
     enforcement = fitting_enforcement(method, plain)
     check_options(method, enforcement)
     x = state_of(plain, initial, p, t)
@@ -216,6 +218,17 @@ def problem_of(
     return Problem(
         system, initial, u, p, plain, enforcement, options, t, changing, feed.events or {}
     )
+
+
+def check_start(plain: Equations, initial: Initial, p: np.ndarray, t: float) -> None:
+    """Raises AssumptionError where rows that were dropped, as the file's parameters make them
+    repeat others, do not with these p: at single positions such a loop closes, and goes nowhere."""
+    system = plain.system
+    if len(plain.kept) == len(system.rows) or np.array_equal(p, system.own_parameters):
+        return
+    A = Kinematics(system).velocities(t, initial.q, np.append(p, initial.z))[0]
+    if np.isfinite(A).all():
+        check_repeated(system, A, plain.kept)
 
 
 def _integrated(

@@ -33,6 +33,7 @@ SINGULAR = 1e-6
 TAKES_PART = 1e-8  # smaller weights in a dependency are roundoff
 LOOKED_AT = 10  # states
 DEPENDENT = 1e-9  # smaller singular values of rows of length one are zero
+ALMOST = 1e-5  # … at a singular position, which is found to half the digits alone
 SHORT_ROW = 1e-6  # of the longest row: a shorter one may be rounding and is not made as long
 
 # resolution

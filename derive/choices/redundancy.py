@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from derive.choices.limits import DEPENDENT, LOOKED_AT, SHORT_ROW, TAKES_PART
+from derive.choices.limits import ALMOST, DEPENDENT, LOOKED_AT, SHORT_ROW, TAKES_PART
 from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.records import Row, RowForm, System
@@ -62,12 +62,12 @@ class Independent:
         return result
 
 
-def groups(A: np.ndarray, kept: Sequence[int]) -> tuple[Group, ...]:
+def groups(A: np.ndarray, kept: Sequence[int], least: float = TAKES_PART) -> tuple[Group, ...]:
     """From A at regular states (k × nc × nv, rows scaled alike); a row of zeros is a group of its
     own, with nothing kept.
 
     The weights of a dependent row are A_other A_kept⁺, and a kept row takes part where its weight
-    is not roundoff at some state. Groups that share a kept row are one.
+    is not roundoff, below `least`, at some state. Groups that share a kept row are one.
     """
     others = [i for i in range(A.shape[1]) if i not in kept]
     if not others:
@@ -76,7 +76,7 @@ def groups(A: np.ndarray, kept: Sequence[int]) -> tuple[Group, ...]:
     weights = np.max(np.abs(seen[:, others] @ np.linalg.pinv(seen[:, list(kept)])), axis=0)
     result: list[Group] = []
     for i, row in zip(others, weights):
-        repeated = tuple(k for k, x in zip(kept, row) if x > TAKES_PART)
+        repeated = tuple(k for k, x in zip(kept, row) if x > least)
         group = Group(repeated, (i,), (repeated,))
         for other in [g for g in result if set(g.kept) & set(group.kept)]:
             result.remove(other)
@@ -140,16 +140,18 @@ def sentences(system: System, found: Sequence[Group]) -> tuple[str, ...]:
     )
 
 
-def dependent_rows(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
+def dependent_rows(
+    system: System, A: np.ndarray, kept: Sequence[int], sizes: Sequence[float]
+) -> str:
     """Which of the `kept` rows, independent elsewhere, depend on each other at one state with these
-    A; "" where none does."""
-    lengths = np.linalg.norm(A, axis=1, keepdims=True)
-    scaled = A / np.where(lengths > 0, lengths, 1.0)
+    A, whose rows have usual `sizes`; "" where none does. Where they do a consistent state is found
+    to half the digits alone."""
+    scaled = A / np.array(sizes)[:, None]
     there: list[int] = []
     for i in kept:
-        if np.linalg.svd(scaled[[*there, i]], compute_uv=False)[-1] > DEPENDENT:
+        if np.linalg.svd(scaled[[*there, i]], compute_uv=False)[-1] > ALMOST:
             there.append(i)
-    here = groups(scaled[None], there)
+    here = groups(scaled[None], there, ALMOST)
     dependent = [
         replace(group, others=(i,), repeats=(rows,))
         for group in here
@@ -159,15 +161,20 @@ def dependent_rows(system: System, A: np.ndarray, kept: Sequence[int]) -> str:
     return " and ".join(text for text, _ in _claims(system, dependent))
 
 
+def _evened(A: np.ndarray) -> np.ndarray:
+    """Rows of length one, but for those that rounding left of zero."""
+    lengths = np.linalg.norm(A, axis=1, keepdims=True)
+    longest = float(np.max(lengths, initial=0.0)) or 1.0
+    return A / np.maximum(lengths, SHORT_ROW * longest)
+
+
 def check_repeated(
     system: System, A: np.ndarray, kept: Sequence[int], least: float = DEPENDENT
 ) -> None:
     """Raises AssumptionError where rows other than the `kept` ones do not repeat these at a
     consistent state with this A, as with other parameters: equations that leave them out would let
     the loop break. Singular values below `least` are zero."""
-    lengths = np.linalg.norm(A, axis=1, keepdims=True)
-    longest = float(np.max(lengths, initial=0.0)) or 1.0
-    scaled = A / np.maximum(lengths, SHORT_ROW * longest)
+    scaled = _evened(A)
     rank = int(np.linalg.matrix_rank(scaled, tol=least))
     if rank <= len(kept):
         return

@@ -70,7 +70,10 @@ CALLED = ("dynamics", "constraints", "energy", "power", "velocity", "state", "ou
 Progress = Callable[[float], None]
 
 
-SINGULAR_START = "another start: this one is a singular configuration"
+SINGULAR_START = (
+    "another start: this one is a singular configuration, from which the mechanism may go on in "
+    "more than one way, in any choice of quasi-velocities"
+)
 
 
 @dataclass(frozen=True)
@@ -401,7 +404,7 @@ def _explained(error: HamelError, problem: Problem) -> HamelError:
     A = survey.solver.velocities(
         problem.t, problem.initial.q, np.append(problem.p, problem.initial.z)
     )[0]
-    repeats = dependent_rows(system, A, survey.kept) if np.isfinite(A).all() else ""
+    repeats = dependent_rows(system, A, survey.kept, survey.sizes) if np.isfinite(A).all() else ""
     if not repeats:
         return error
     if np.array_equal(problem.p, system.own_parameters):

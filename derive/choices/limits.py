@@ -58,5 +58,9 @@ RANK = 1e-9  # singular values of rows of length one below this are zero
 ENTRIES = 2_000
 FEWEST = 10
 
+# survey
+STRETCHED = 1e-5  # the largest least singular value where all states found are singular positions
+SCATTERED = 1e-2  # of it: the smallest at these, which are found to half the digits
+
 # walk
 NO_PIVOT = 1e-13  # of the size of its row: an entry that is nowhere larger is rounding

@@ -9,9 +9,10 @@ not looked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,8 @@ from hamel.verify.reference.vectors import Array
 LINES = 3  # from state to state, along which kinks are looked for …
 PARTS = 16  # … in so many parts, in each of which a side turns once or not at all
 HALVINGS = 26  # of a part, to the place where it turns: a thousandth of NEAR
+WORK = 2_000  # sides times turns that are looked at …
+FEWEST = 4  # … but never fewer turns
 NEAR = 1e-6  # of such a line: forces are looked at so far before and behind the place
 FLAT = 1e-9  # of the largest force: rounding and curvature leave no larger jump
 STRAIGHT = 1e-6  # … and of that per line, no larger bend
@@ -42,18 +45,35 @@ def kinks(e: Evidence) -> float | None:
     no entry of the function changes its sign; None where the lines meet none of them."""
     if not e.graph.has("kinks"):
         return None
-    seen = [each for k in range(min(LINES, len(e.samples))) for each in _seen(Line(e, k))]
+    lines = [Line(e, k) for k in range(min(LINES, len(e.samples)))]
+    turns = [(line, part, which) for line in lines for part, which in _turns(line)]
+    seen = [*_seen(turns[:: _every(e, len(turns))])]
     return 1.0 - sum(seen) / len(seen) if seen else None
 
 
-def _seen(line: Line) -> Iterator[bool]:
-    """Of every jump and bend on the line whether the function has it."""
+def _turns(line: Line) -> list[tuple[int, int]]:
+    """In which part of the line which side turns."""
     grid = [line.sides(place) for place in np.linspace(0.0, 1.0, PARTS + 1)]
-    for part, (before, after) in enumerate(pairwise(grid)):
-        for which in np.flatnonzero(before * after < 0.0):
-            place = line.turn(int(which), part / PARTS, (part + 1) / PARTS)
-            if line.breaks(place):
-                yield line.is_noticed(place)
+    return [
+        (part, int(which))
+        for part, (before, after) in enumerate(pairwise(grid))
+        for which in np.flatnonzero(before * after < 0.0)
+    ]
+
+
+def _every(e: Evidence, turns: int) -> int:
+    """Of many turns of many sides some are looked at: each takes as long as there are sides."""
+    sides_of = len(Line(e, 0).sides(0.0)) if turns else 1
+    looked_at = max(FEWEST, WORK // max(1, sides_of))
+    return max(1, ceil(turns / looked_at))
+
+
+def _seen(turns: Sequence[tuple[Line, int, int]]) -> Iterator[bool]:
+    """Of every jump and bend at one of these whether the function has it."""
+    for line, part, which in turns:
+        place = line.turn(which, part / PARTS, (part + 1) / PARTS)
+        if line.breaks(place):
+            yield line.is_noticed(place)
 
 
 class Break(NamedTuple):

@@ -372,15 +372,20 @@ def or_larger(single: Block, around: Callable[[], Part]) -> Block:
     between two unknowns is inverted as a whole and not divided by its cosine."""
     best = single
     for size in (2, 3):
-        if best.grade < 2 or best.quality >= SAFE:
+        safe = best.quality >= SAFE
+        if best.grade < 2 or (safe and size > 2):
             break
         part = around()
         larger = _best_of_size(part, single, size)
-        if larger is not None and (
-            larger.quality > BETTER * best.quality or _vanishes_alone(part.values, best, larger)
-        ):
+        if larger is None:
+            continue
+        if larger.grade < 2 if safe else _is_better(part, best, larger):
             best = larger
     return best
+
+
+def _is_better(part: Part, best: Block, larger: Block) -> bool:
+    return larger.quality > BETTER * best.quality or _vanishes_alone(part.values, best, larger)
 
 
 def _vanishes_alone(values: np.ndarray, small: Block, large: Block) -> bool:

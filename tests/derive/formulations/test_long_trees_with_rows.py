@@ -119,6 +119,16 @@ def test_twice_the_links_take_twice_the_operations(name: str) -> None:
         assert many < 2.5 * few, (function, few, many)
 
 
+LIFT = "  py: {type: prescribed, coordinate: y, motion: (0.1 m)*cos((3 rad/s)*t)}\n"
+
+
+def test_a_rotation_is_taken_before_a_cosine_that_stays_away_from_zero() -> None:
+    """x and y are prescribed of a body whose velocities are in its own axes, and its angle goes up
+    to a rad: cos stays above 0.54, but the two rows together have no pivot that varies."""
+    e = equations(system(load_text(HEAD.format(4, PLANAR) + SLIDE + LIFT + TURN)))
+    assert not e.function("dynamics").guards
+
+
 TRAIN = """
 model: train
 plane: xy

@@ -22,12 +22,13 @@ def kinks(system: System) -> tuple[ca.SX, ...]:
     or of prescribed motions. Of one term with several thresholds a single function: it changes its
     sign at each of them. Of the time alone there are two, so that neighbours, which may be near
     each other, do not hide one another within one step."""
-    others = _symbols(ca.vertcat(system.q, system.v, system.z, system.u))
-    moving = others | _symbols(system.t)
+    within = _Within()
+    others = within.any_of(ca.vertcat(system.q, system.v, system.z, system.u))
+    moving = others | within.any_of(system.t)
     thresholds: dict[int, tuple[ca.SX, set[float]]] = {}
     result: list[ca.SX] = []
     for value, other in _sides(_terms(system)):
-        if moving.isdisjoint(_symbols(value - other)):
+        if not moving & (within(value) | within(other)):
             continue
         if not other.is_constant():
             result.append(value - other)
@@ -35,10 +36,10 @@ def kinks(system: System) -> tuple[ca.SX, ...]:
             term, place = reduced
             thresholds.setdefault(term.element_hash(), (term, set()))[1].add(place)
     for term, places in thresholds.values():
-        ordered, timed = sorted(places), others.isdisjoint(_symbols(term))
+        ordered, timed = sorted(places), not others & within(term)
         parts = [ordered[::2], ordered[1::2]] if timed else [ordered]
         result += [_alternating(term, part) for part in parts if part]
-    return tuple(_without_twins(result))
+    return tuple(_without_twins(result, within))
 
 
 def _terms(system: System) -> list[ca.SX]:
@@ -106,21 +107,60 @@ def _alternating(term: ca.SX, places: list[float]) -> ca.SX:
     return result
 
 
-def _symbols(term: ca.SX) -> frozenset[int]:
-    """What a term is made of. Looking for some of it among all coordinates of a large system, as
-    `depends_on` does, takes as long as the system is large."""
-    return frozenset(symbol.element_hash() for symbol in ca.symvar(term))
+class _Within:
+    """The symbols that terms are made of, a bit each. What terms have in common is looked through
+    once: each height of a long chain is made of all coordinates before it."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[int, int] = {}
+        self._known: dict[int, int] = {}
+
+    def any_of(self, column: ca.SX) -> int:
+        """All of a column."""
+        found = 0
+        for term in ca.vertsplit(ca.SX(column)):
+            found |= self(term)
+        return found
+
+    def __call__(self, term: ca.SX) -> int:
+        left = [term]
+        while left:
+            one = left[-1]
+            key = one.element_hash()
+            if key in self._known:
+                left.pop()
+                continue
+            parts = [one.dep(i) for i in range(one.n_dep())]
+            missing = [x for x in parts if x.element_hash() not in self._known]
+            if missing:
+                left += missing
+                continue
+            left.pop()
+            self._known[key] = self._own(one, parts)
+        return self._known[term.element_hash()]
+
+    def _own(self, term: ca.SX, parts: list[ca.SX]) -> int:
+        if term.is_symbolic():
+            return 1 << self._numbers.setdefault(term.element_hash(), len(self._numbers))
+        found = 0
+        for part in parts:
+            found |= self._known[part.element_hash()]
+        return found
 
 
 DEPTH = 6  # in which two terms are compared: more only finds more twins
+LARGE = 64  # symbols from which a term is compared as it is: to simplify many such takes long
 
 
-def _without_twins(found: list[ca.SX]) -> Iterator[ca.SX]:
+def _without_twins(found: list[ca.SX], within: _Within) -> Iterator[ca.SX]:
     """Of functions that differ in their sign alone the first. Twins are of the same symbols."""
-    seen: dict[frozenset[int], list[ca.SX]] = {}
+    seen: dict[int, list[ca.SX]] = {}
     for one in found:
-        alike = seen.setdefault(_symbols(one), [])
-        signs = [ca.simplify(one), ca.simplify(-one)]
+        symbols = within(one)
+        alike = seen.setdefault(symbols, [])
+        signs = [one, -one]
+        if symbols.bit_count() < LARGE:
+            signs = [ca.simplify(sign) for sign in signs]
         if not any(ca.is_equal(sign, other, DEPTH) for other in alike for sign in signs):
             alike.append(signs[0])
             yield one

@@ -182,13 +182,14 @@ def afloat() -> str:
   tyre: {type: contact, body: b1, shape: {wheel: {radius: r, axis: y}}, plane: {normal: z}, stiffness: k, tyre: {longitudinal: {linear: 3}, lateral: {linear: 2}}, smoothing: 1}
   bowl: {type: contact, body: b7, at: [0.1, 0, 0.2], shape: {sphere: {radius: r}}, surface: "z - 0.1*(x^2 + y^2)/(1 m)", stiffness: k, damping: 0.1}
   drag: {type: force, body: b6, components: ["-(2 N*s/m)*velocity(b6, [0, 0.1, 0]).x", "(1 N)*sin((2 rad/s)*t)", 1 N], frame: ground}
+  wind: {type: force, body: b8, components: ["-(2 N*s/m)*dot(velocity(b8, [0, 0.1, 0]), direction(b8, x))", 0 N, 0 N], frame: body}
   strut: {type: spring, between: [ground, b8], at: [[0, 0.1, 0.2], [0.2, 0, 0.1]], stiffness: k, length: 0.1 m, damping: 2}
   weld: {type: bushing, between: [b9, ground], at: [[0, 0.1, 0], [0.1, 0, 0]], stiffness: [5, 6, 7], torsion: [1, 2, 3], damping: 2, torsion_damping: 3}
-  twist: {type: torque, body: b3, components: [wind*(1 m), 0, 0], frame: ground}
+  twist: {type: torque, body: b3, components: [gust*(1 m), 0, 0], frame: ground}
 """
     text = several().replace("loads:\n", "loads:" + loads)
     text = text.replace("bodies:\n", "parameters: {k: 30 N/m, r: 3 m}\nbodies:\n", 1)
-    return text.replace("inputs: {", "inputs: {wind: {unit: N}, ")
+    return text.replace("inputs: {", "inputs: {gust: {unit: N}, ")
 
 
 def on_the_floor(n: int) -> str:

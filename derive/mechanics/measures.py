@@ -26,6 +26,7 @@ from derive.joints.rotations import (
     inverse,
     matrix,
     merged,
+    product,
     rotated,
     sum_of,
     transpose,
@@ -102,6 +103,9 @@ def _orientation(scene: Scene, measure: Measure) -> Scalar:
 
 def _relative(scene: Scene, measure: Measure) -> Matrix:
     here, there = _places(scene, measure)
+    if scene.cut and there.link < 0:
+        back = transpose(matrix(there.rotation))
+        return product(back, ground_rotation(scene, here))
     chain: Rotation = merged(
         inverse(there.rotation),
         relative_rotation(scene.links, there.link, here.link),

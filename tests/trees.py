@@ -187,7 +187,8 @@ def afloat() -> str:
   weld: {type: bushing, between: [b9, ground], at: [[0, 0.1, 0], [0.1, 0, 0]], stiffness: [5, 6, 7], torsion: [1, 2, 3], damping: 2, torsion_damping: 3}
   twist: {type: torque, body: b3, components: [gust*(1 m), 0, 0], frame: ground}
 """
-    text = several().replace("loads:\n", "loads:" + loads)
+    text = several().replace("model: several", "model: afloat")
+    text = text.replace("loads:\n", "loads:" + loads)
     text = text.replace("bodies:\n", "parameters: {k: 30 N/m, r: 3 m}\nbodies:\n", 1)
     return text.replace("inputs: {", "inputs: {gust: {unit: N}, ")
 
@@ -198,4 +199,4 @@ def on_the_floor(n: int) -> str:
         '  "l{i}": {type: contact, body: "b{i}", at: [0.05, 0, 0.02], shape: {sphere: {radius: 2 m}}, '
         "plane: {normal: z}, stiffness: 100 N/m, damping: 0.1 s/m, friction: 0.5, smoothing: 0.1}\n"
     )
-    return rope(n) + "loads:\n" + floor
+    return rope(n).replace(f"model: rope{n}", f"model: floor{n}") + "loads:\n" + floor

@@ -63,7 +63,7 @@ class Explicit:
             Named("v", "generalized velocities", reduction.v),
             Named("sigma", "v̇ where ẇ = 0", reduction.sigma),
         )
-        if is_deferred(self, "wdot"):
+        if is_deferred(self, "wdot") or is_deferred(self, "mass"):
             return shown
         return (
             *shown,
@@ -87,18 +87,31 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     counts = alternatives(results) if len(solution) > 1 else [instructions(results[0])]
     best = solution[counts.index(min(counts))]
     vdot = ca.densify(ca.mtimes(reduction.S, best.wdot) + reduction.sigma)
-    # the recursion makes no M_w
-    mass = _symmetric_product(reduction.S, system.M) if best.mass is None else _sparse(best.mass)
     return Explicit(
         qdot=qdot,
         operations=min(counts),
         gathered=best.gathered,
         wdot=best.wdot,
         vdot=vdot,
-        mass=mass,
+        mass=_mass(system, reduction, best),
         force=_column(best.force),
         solve=best.solve,
     )
+
+
+def _mass(system: System, reduction: Reduction, best: _Gathered) -> ca.SX | Deferred[ca.SX]:
+    """Sᵀ M S. The recursion makes none: where M is not written out either, it is gathered when it
+    is asked for."""
+    if best.mass is not None:
+        return _sparse(best.mass)
+    if system.written or not system.rows:
+        return _symmetric_product(reduction.S, system.M)
+
+    def gathered() -> ca.SX:
+        M = _sparse(mass_matrix(system.links, system.inertias[-1], system.v.numel()))
+        return _symmetric_product(reduction.S, M + system.M_extra)
+
+    return Deferred(gathered, len(reduction.names) ** 2)
 
 
 def _position_rates(system: System, reduction: Reduction) -> ca.SX:
@@ -135,7 +148,7 @@ class _Gathered:
     """One way to ẇ."""
 
     gathered: str
-    mass: Matrix | None  # None: the system's own
+    mass: Matrix | None  # None: not made on the way
     force: Vector
     wdot: ca.SX
     solve: Callable[[Vector], Vector]

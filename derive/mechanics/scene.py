@@ -40,7 +40,8 @@ OF_A_LINK = 18  # numbers: R, r, ω, v
 class Scene:
     """What a constraint needs to know: symbols, q̇ = N v, and where every body is; `frame` where the
     links are those of a tree with a further frame (derive.mechanics.carriers). `carrier` and
-    `beyond` where the axes are those of a link: it stands still, and what lies beyond it moves."""
+    `beyond` where the axes are those of a link: it stands still, and what lies beyond it moves.
+    `cut` has symbols by link, R row by row, r, ω and v, where these stand for themselves."""
 
     model: Model
     symbols: Symbols

@@ -12,6 +12,7 @@ import pytest
 from derive.expressions.counting import operations
 from derive.formulations import equations
 from derive.formulations.multipliers import bordered_solution
+from derive.mechanics import system as mechanics
 from derive.mechanics.records import System
 from derive.model import load_text
 from derive.states import system
@@ -117,6 +118,27 @@ def test_twice_the_links_take_twice_the_operations(name: str) -> None:
             operations(equations(made(name, n)).function(function).result.value) for n in (16, 32)
         )
         assert many < 2.5 * few, (function, few, many)
+
+
+@pytest.mark.parametrize("name", ["base turned", "in space"])
+def test_slopes_have_a_mass_matrix_where_none_is_written_out(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of more links; it was one of zeros, and the slopes were infinite. By central differences."""
+    monkeypatch.setattr(mechanics, "MOST_ENTRIES", 10)
+    s = made(name, 5)
+    assert not s.written
+    e = equations(s)
+    slots = [argument.symbols for argument in e.arguments]
+    rates = ca.Function("rates", slots, [e.function("dynamics").result.value])
+    slopes = ca.densify(e.request("derivatives").function.result.value)
+    n, u = slots[1].numel(), np.zeros(slots[2].numel())
+    x, p = np.random.default_rng(4).normal(size=n), np.array(e.parameters, dtype=float)
+    found = ca.Function("slopes", slots, [slopes])(0.3, x, u, p).full()[:, 1 : 1 + n]
+    steps = 1e-6 * np.eye(n)
+    ends = [[rates(0.3, x + way * d, u, p).full().ravel() for way in (1, -1)] for d in steps]
+    expected = np.array([(ahead - behind) / 2e-6 for ahead, behind in ends]).T
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 
 LIFT = "  py: {type: prescribed, coordinate: y, motion: (0.1 m)*cos((3 rad/s)*t)}\n"

@@ -96,7 +96,9 @@ def test_forces_go_from_link_to_link(line: str, monkeypatch: pytest.MonkeyPatch)
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("line", TIES.strip().splitlines(), ids=lambda x: x.split(":")[0].strip())
+@pytest.mark.parametrize(
+    "line", (TIES.rstrip() + TOUCHING).strip().splitlines(), ids=lambda x: x.split(":")[0].strip()
+)
 def test_ties_leave_out_what_carries_both(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """As with all points in the ground; the ball joint below feels nothing of it."""
     found = forces(derived(f"  {line.strip()}\n"))
@@ -104,7 +106,7 @@ def test_ties_leave_out_what_carries_both(line: str, monkeypatch: pytest.MonkeyP
     expected = forces(derived(f"  {line.strip()}\n"))
     assert not found[:, :3].any()
     assert np.abs(expected[:, :-2]).max() > 0.1
-    np.testing.assert_allclose(found, expected, atol=1e-12)
+    np.testing.assert_allclose(found, expected, atol=1e-11)
 
 
 @pytest.mark.parametrize("line", FAR.strip().splitlines(), ids=lambda x: x.split(":")[0].strip())
@@ -131,16 +133,3 @@ def _operations(load: str, links: int) -> int:
         load_text(text.replace("BODIES", "").replace("JOINTS", "").replace("LOADS", f"  {load}"))
     )
     return ca.Function("Q", [made.t, made.q, made.v, made.p], [made.Q]).n_instructions()
-
-
-@pytest.mark.parametrize(
-    "line", TOUCHING.strip().splitlines(), ids=lambda x: x.split(":")[0].strip()
-)
-def test_contacts_leave_out_what_carries_both(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Velocities against the carrier slip as those against the ground."""
-    found = forces(derived(f"  {line.strip()}\n"))
-    monkeypatch.setattr(Scene, "near", lambda self, *tips: self)
-    expected = forces(derived(f"  {line.strip()}\n"))
-    assert not found[:, :3].any()
-    assert np.abs(expected[:, :-2]).max() > 0.1
-    np.testing.assert_allclose(found, expected, atol=1e-11)

@@ -104,8 +104,13 @@ def _mass(system: System, reduction: Reduction, best: _Gathered) -> ca.SX | Defe
     is asked for."""
     if best.mass is not None:
         return _sparse(best.mass)
-    if system.written or not system.rows:
+    if system.written:
         return _symmetric_product(reduction.S, system.M)
+    return _gathered_mass(system, reduction)
+
+
+def _gathered_mass(system: System, reduction: Reduction) -> Deferred[ca.SX]:
+    """Sᵀ M S where M is not written out."""
 
     def gathered() -> ca.SX:
         M = _sparse(mass_matrix(system.links, system.inertias[-1], system.v.numel()))
@@ -138,8 +143,9 @@ def _deferred(system: System, reduction: Reduction) -> Explicit:
         gathered="articulated bodies",
         wdot=late(lambda: found().wdot),
         vdot=late(lambda: ca.densify(ca.mtimes(reduction.S, found().wdot) + reduction.sigma)),
-        mass=system.M,
+        mass=_gathered_mass(system, reduction),
         force=late(lambda: _column(found().force)),
+        solve=lambda side: found().solve(side),
     )
 
 

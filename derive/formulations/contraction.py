@@ -14,11 +14,12 @@ rigid-body systems, IEEE RA-L 6 (2021) 7659–7666.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import casadi as ca
 
+from derive.expressions.scalars import Vector
 from derive.formulations.motion import Motion, at_motion, is_unit
 from derive.formulations.structured import column, entries
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
@@ -29,13 +30,13 @@ from derive.mechanics.system import inertial_forces
 
 @dataclass(frozen=True)
 class _Residual:
-    """r over (z, ẇ), the product of M_w with μ, and M_w itself."""
+    """r over (z, ẇ), the product of M_w with μ, and the solution of M_w x = side."""
 
     wdot: ca.SX
     mu: ca.SX
     value: ca.SX
     product: ca.SX
-    mass: ca.SX
+    solve: Callable[[Vector], Vector]
 
 
 def contractions(system: System, motion: Motion, z: ca.SX, y: ca.SX, dz: ca.SX) -> Iterator[ca.SX]:
@@ -49,22 +50,29 @@ def contractions(system: System, motion: Motion, z: ca.SX, y: ca.SX, dz: ca.SX) 
 
 def _residuals(system: System, motion: Motion) -> Iterator[_Residual]:
     wdot, mu = (ca.SX.sym(name, motion.wdot.numel()) for name in ("wdot", "mu"))
-    if not system.rows and system.written and is_unit(motion.B):
-        yield _newton_euler(system, motion, wdot, mu)
-    if motion.minimal is not None:
-        mass = motion.minimal.mass
-        value = ca.mtimes(mass, wdot) - motion.minimal.force
-        yield _Residual(wdot, mu, value, ca.mtimes(mass, mu), mass)
+    minimal = motion.minimal
+    if not system.rows and is_unit(motion.B):
+        if system.written:
+            by_factors = _by_factors(at_motion(system, motion, system.M))
+            yield _newton_euler(system, motion, wdot, mu, by_factors)
+        elif minimal is not None and minimal.solve is not None:
+            yield _newton_euler(system, motion, wdot, mu, minimal.solve)
+    if minimal is not None and system.written:
+        value = ca.mtimes(minimal.mass, wdot) - minimal.force
+        product = ca.mtimes(minimal.mass, mu)
+        yield _Residual(wdot, mu, value, product, _by_factors(minimal.mass))
 
 
-def _newton_euler(system: System, motion: Motion, vdot: ca.SX, mu: ca.SX) -> _Residual:
+def _newton_euler(
+    system: System, motion: Motion, vdot: ca.SX, mu: ca.SX, solve: Callable[[Vector], Vector]
+) -> _Residual:
     forces = inertial_forces(system, vdot) + ca.mtimes(system.M_extra, vdot)
     value = forces + system.h_extra - system.Q
     still = [0.0] * mu.numel()
     product = column(joint_forces_of_motion(system.layouts, still, entries(mu), [0.0, 0.0, 0.0]))
     product = product + ca.mtimes(system.M_extra, mu)
-    parts = (at_motion(system, motion, x) for x in (value, product, system.M))
-    return _Residual(vdot, mu, *parts)
+    parts = (at_motion(system, motion, x) for x in (value, product))
+    return _Residual(vdot, mu, *parts, solve)
 
 
 def _contraction(
@@ -83,5 +91,13 @@ def _contraction(
 
 
 def _solved(of: _Residual, side: ca.SX) -> ca.SX:
-    order = list(reversed(range(side.numel())))
-    return column(ldl_solution(scalars(of.mass), [entries(side)], order).x[0])
+    return column(of.solve(entries(side)))
+
+
+def _by_factors(mass: ca.SX) -> Callable[[Vector], Vector]:
+    """By L D Lᵀ, tip to base."""
+
+    def solution(side: Vector) -> Vector:
+        return ldl_solution(scalars(mass), [side], list(reversed(range(len(side))))).x[0]
+
+    return solution

@@ -12,6 +12,7 @@ import pytest
 from derive.expressions.counting import operations
 from derive.formulations import equations
 from derive.formulations.multipliers import bordered_solution
+from derive.mechanics import records
 from derive.mechanics import system as mechanics
 from derive.mechanics.records import System
 from derive.model import load_text
@@ -138,6 +139,32 @@ def test_slopes_have_a_mass_matrix_where_none_is_written_out(
     steps = 1e-6 * np.eye(n)
     ends = [[rates(0.3, x + way * d, u, p).full().ravel() for way in (1, -1)] for d in steps]
     expected = np.array([(ahead - behind) / 2e-6 for ahead, behind in ends]).T
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("links", [2, 5])
+def test_second_slopes_of_trees_alone_have_a_mass_matrix_too(
+    links: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Written out as the recursion and not; it was one of zeros. By central differences."""
+    monkeypatch.setattr(mechanics, "MOST_ENTRIES", 0)
+    for module in (mechanics, records):
+        monkeypatch.setattr(module, "LONG", 5)
+    s = system(load_text(HEAD.format(links, HINGE).removesuffix("constraints:\n")))
+    assert not s.written and s.long == (links > 3)
+    e = equations(s)
+    t, x, u, p = (argument.symbols for argument in e.arguments)
+    curvature, n = e.request("contraction").function, x.numel()
+    y = ca.SX.sym("y", n)
+    slope = ca.gradient(ca.dot(y, e.function("dynamics").result.value), x)
+    slopes = ca.Function("slopes", [t, x, u, p, y], [slope])
+    at, weights, d = np.random.default_rng(4).normal(size=(3, n))
+    given = [np.zeros(u.numel()), np.array(e.parameters, dtype=float)]
+    ends = [slopes(0.3, at + way * 1e-6 * d, *given, weights).full() for way in (1, -1)]
+    expected = (ends[0] - ends[1]).ravel() / 2e-6
+    assert curvature.x is not None
+    product = ca.Function("product", [t, curvature.x.symbols, u, p], [curvature.result.value])
+    found = product(0.3, np.concatenate([at, weights, d]), *given).full().ravel()
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 

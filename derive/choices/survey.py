@@ -18,7 +18,6 @@ from derive.choices.limits import (
     REGULAR,
     RESOLUTION_MANY,
     SAMPLES,
-    SCATTERED,
     STRETCHED,
 )
 from derive.choices.redundancy import (
@@ -30,6 +29,7 @@ from derive.choices.redundancy import (
     selected,
     sentences,
 )
+from derive.choices.stretched import kantorovich
 from derive.diagnostics import AssumptionError, ModelError
 from derive.mechanics.records import RowForm, System
 from derive.model.constraint_records import Holonomic
@@ -38,7 +38,6 @@ from derive.states.closing import Kinematics
 from derive.states.independence import independent
 from derive.states.initial import initial_state
 from derive.states.sampling import States, no_states, row_lengths, states
-from derive.states.scales import scales
 from derive.states.sparse import Sparse, clearly_independent, lengths_over_states, squares, stacked
 
 # of closures and constraints: each in several ways of writing its rows
@@ -289,16 +288,14 @@ def survey_of(system: System, moving: bool = False) -> Survey:
 
 
 def _check_regular(survey: Survey) -> None:
-    """Raises AssumptionError where kept rows depend on each other at all sampled states, but for
-    what these are found to: half the digits, and so by decades more or less from state to state."""
-    if survey.solver.many_rows or not survey.kept:
+    """Raises AssumptionError where most of the sampled states are singular positions."""
+    if survey.solver.many_rows or not survey.closing:
         return
     model = survey.system.model
-    columns = scales(model).all_of(velocity.unit for velocity in model.velocities)
-    # together: a row that vanishes at all states would be made as long as others
-    sizes = np.linalg.svd(survey.plain_rows[:, list(survey.kept)] * columns, compute_uv=False)
-    least = sizes[:, -1]
-    if np.max(least) < STRETCHED * np.max(sizes) and np.min(least) < SCATTERED * np.max(least):
+    if (
+        np.median(kantorovich(survey.system, survey.solver, survey.sampled, survey.closing))
+        > STRETCHED
+    ):
         raise AssumptionError(
             f"{model.name}: constraints depend on each other at every consistent state that was "
             "found: it fits together at singular positions alone, where no motion is determined",

@@ -1,6 +1,6 @@
 """Mechanisms that fit together at singular positions alone.
 
-Of derive.choices: survey.
+Of derive.choices: stretched, survey.
 """
 
 from __future__ import annotations
@@ -50,3 +50,53 @@ def test_what_fits_folded_alone_is_refused() -> None:
 @pytest.mark.parametrize("crank", ["0.16", "0.2"])
 def test_what_has_some_play_is_not(crank: str) -> None:
     assert survey_of(system(load_text(INVERSOR.replace("CRANK", crank)))).rank == 6
+
+
+RODS = """
+model: rods
+plane: xy
+parameters: {r: 1 m, apart: APART m}
+bodies: {A: {mass: 1 kg, inertia: 0.01}, B: {mass: 1 kg, inertia: 0.01}}
+joints:
+  j1: {type: point, parent: ground, child: A, coordinates: [x, y]}
+  j2: {type: revolute, parent: ground, child: B, at: [3, 0]}
+constraints:
+  c: {type: distance, between: [ground, A], at: [[0, 0], [0, 0]], length: r}
+  d: {type: distance, between: [ground, A], at: [[apart, 0], [0, 0]], length: r}
+initial: {guess: {x: 0.9 m, y: 0.2 m}}
+"""
+CHAIN = """
+model: stretched
+plane: xy
+bodies: {A: {mass: 1 kg, inertia: 0.01}, B: {mass: 1 kg, inertia: 0.01}}
+joints:
+  j1: {type: revolute, parent: ground, child: A, coordinate: q1}
+  j2: {type: revolute, parent: A, child: B, at: [1, 0], coordinate: q2}
+constraints: {rod: {type: distance, between: [ground, B], at: [[0, 0], [1, 0]], length: 2 m}}
+"""
+
+
+@pytest.mark.parametrize("text", [RODS.replace("APART", "2"), CHAIN], ids=["rods", "chain"])
+def test_what_is_stretched_to_fit_is_refused(text: str) -> None:
+    """They were built with digits that mean nothing: a reaction of 3e6 N."""
+    with pytest.raises(AssumptionError, match="fits together at singular positions alone"):
+        survey_of(system(load_text(text)))
+
+
+def test_small_and_nearly_stretched_mechanisms_beside_large_ones_are_not() -> None:
+    """A crank of a micrometre beside one of ten metres; rods with a millimetre of play."""
+    assert survey_of(system(load_text(RODS.replace("APART", "1.999999")))).rank == 2
+    sizes = {"a": 1e-6, "b": 10.0}
+    loops = [
+        f"  {n}1: {{type: revolute, parent: ground, child: {n}1, coordinate: {n}p}}\n"
+        f"  {n}2: {{type: revolute, parent: {n}1, child: {n}2, at: [{r}, 0], coordinate: {n}r}}\n"
+        for n, r in sizes.items()
+    ]
+    bodies = ", ".join(f"{n}{k}: {{mass: 1, inertia: 1}}" for n in sizes for k in (1, 2))
+    rods = [
+        f"  {n}d: {{type: distance, between: [ground, {n}2], at: [[{2 * r}, 0], [{r}, 0]], "
+        f"length: {r} m}}\n"
+        for n, r in sizes.items()
+    ]
+    text = f"model: sizes\nplane: xy\nbodies: {{{bodies}}}\njoints:\n{''.join(loops)}"
+    assert survey_of(system(load_text(f"{text}constraints:\n{''.join(rods)}"))).rank == 2

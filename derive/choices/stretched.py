@@ -32,8 +32,8 @@ def kantorovich(
 ) -> np.ndarray:
     """h at every state, of the rows `closing`, each divided by its length nearby."""
     columns = scales(system.model).all_of(velocity.unit for velocity in system.model.velocities)
-    N = solver.values(ca.jacobian(system.qdot, system.v), at.t, at.q, at.p)
-    N = N.reshape(len(at.t), at.q.shape[1], len(columns))
+    rates = solver.values(ca.jacobian(system.qdot, system.v), at.t, at.q, at.p)
+    N = rates.reshape(len(at.t), at.q.shape[1], len(columns))
 
     def rows(along: np.ndarray) -> np.ndarray:
         moved = at.q + np.einsum("kij,kj->ki", N, columns * along)

@@ -71,8 +71,8 @@ def _newton_euler(
     still = [0.0] * mu.numel()
     product = column(joint_forces_of_motion(system.layouts, still, entries(mu), [0.0, 0.0, 0.0]))
     product = product + ca.mtimes(system.M_extra, mu)
-    parts = (at_motion(system, motion, x) for x in (value, product))
-    return _Residual(vdot, mu, *parts, solve)
+    value, product = (at_motion(system, motion, x) for x in (value, product))
+    return _Residual(vdot, mu, value, product, solve)
 
 
 def _contraction(

@@ -12,7 +12,7 @@ from dataclasses import replace
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.euler import ANGLES, angle_rates, distance_from_lock
 from derive.joints.records import JointType, Rotation, Slot, Still, meeting
-from derive.joints.rotations import dot
+from derive.joints.rotations import cross, dot
 from derive.joints.turns import euler_rotation
 
 UNIT_VECTORS = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
@@ -77,6 +77,7 @@ BALL = JointType(
     rates=lambda q, v, axis: quaternion_rates(q, v),
     unit_from=0,
     closing=meeting,
+    turned=cross,
 )
 
 

@@ -12,7 +12,7 @@ from derive.expressions.scalars import Scalar, Vector
 from derive.joints.ball import QUATERNION, quaternion_matrix, quaternion_rates, quaternion_rotation
 from derive.joints.euler import ANGLES, angle_rates, distance_from_lock
 from derive.joints.records import JointType, Rotation, Slot
-from derive.joints.rotations import matrix, rotated
+from derive.joints.rotations import cross, matrix, rotated, sum_of
 from derive.joints.turns import UNIT, euler_rotation
 
 
@@ -20,6 +20,11 @@ def _motion(q: Sequence[Scalar], axis: Sequence[Scalar]) -> list[Vector]:
     linear: list[Vector] = [[0.0, 0.0, 0.0, *UNIT[s]] for s in "xyz"]
     angular: list[Vector] = [[*UNIT[s], 0.0, 0.0, 0.0] for s in "xyz"]
     return linear + angular
+
+
+def _turned(v: Sequence[Scalar], p: Sequence[Scalar]) -> Vector:
+    """ω × P and ω × Π + v × P (Kirchhoff's equations)."""
+    return [*cross(v[3:], p[:3]), *sum_of(cross(v[3:], p[3:]), cross(v[:3], p[:3]))]
 
 
 def free_joint(sequence: str) -> JointType:
@@ -55,6 +60,7 @@ def free_joint(sequence: str) -> JointType:
         motion=_motion,
         rates=rates,
         lock=lambda q: distance_from_lock(sequence, q[3:]),
+        turned=_turned,
     )
 
 

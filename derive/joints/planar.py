@@ -38,6 +38,11 @@ def _component(x: Sequence[Scalar], unit: Sequence[Scalar]) -> Scalar:
     return next(a * e for a, e in zip(x, unit) if float(e) != 0.0)
 
 
+def _turned(v: Sequence[Scalar], p: Sequence[Scalar]) -> Vector:
+    """ω × P in the plane, and v × P about its axis."""
+    return [-v[2] * p[1], v[2] * p[0], v[0] * p[1] - v[1] * p[0]]
+
+
 PLANAR = JointType(
     name="planar",
     about="moves and turns in a plane; generalized velocities in the body's frame",
@@ -54,4 +59,5 @@ PLANAR = JointType(
     rates=_rates,
     planar=True,
     closing=lambda plane: () if plane else ("shift1", *PARALLEL),
+    turned=_turned,
 )

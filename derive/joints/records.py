@@ -61,7 +61,9 @@ class JointType:
     where there is none. `planar`: it may stand in a planar model. `closing(plane)` names the rows
     by which a joint of this type closes a loop, in the order of derive.mechanics.closures, in a
     plane ("xy", "xz", "yz") or in space (""); None where it closes none. `lock`(q) is what `rates`
-    divides by; None where it divides by nothing that can vanish.
+    divides by; None where it divides by nothing that can vanish. `turned`(v, p) is what momenta p
+    conjugate to v change by because the velocities' axes turn along, ṗ + turned = force (−ad*_v p,
+    Euler–Poincaré); None where velocities are rates of coordinates.
     """
 
     name: str
@@ -82,3 +84,4 @@ class JointType:
     planar: bool = False
     closing: Callable[[str], tuple[str, ...]] | None = None
     lock: Callable[[Sequence[Scalar]], Scalar] | None = None
+    turned: Callable[[Sequence[Scalar], Sequence[Scalar]], Vector] | None = None

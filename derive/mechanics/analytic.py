@@ -9,6 +9,7 @@ import casadi as ca
 
 from derive.diagnostics import Diagnostic, ModelError
 from derive.expressions.one_sided import gradient
+from derive.joints import joint_type
 from derive.mechanics.symbols import Symbols
 from derive.model.records import Model
 
@@ -20,7 +21,8 @@ class Lagrangian:
     T = T₂ + T₁ + T₀ by powers of the rates. What the motion of an autonomous system conserves is
     Jacobi's integral q̇·∂T/∂q̇ − T + V = T₂ − T₀ + V (Goldstein, Poole, Safko, Classical Mechanics,
     §2.7), and `missing` = T₁ + 2 T₀ is what it is less than T + V; a zero where T is T₂ alone.
-    `explicit` = ∂T/∂t at held q and q̇ is what it loses where time stands in T.
+    `explicit` = ∂T/∂t at held q and q̇ is what it loses where time stands in T. `given` is the part
+    of M that comes from T, where rotors are added to it.
     """
 
     M: ca.SX
@@ -29,52 +31,73 @@ class Lagrangian:
     V: ca.SX
     missing: ca.SX
     explicit: ca.SX
+    given: ca.SX
 
 
 def lagrangian(model: Model, s: Symbols, qdot: ca.SX) -> Lagrangian:
-    """Lagrange's equations in q̇, carried over to v by q̇ = N v:
+    """The equations of T(t, q, q̇, v) and V(t, q) over v, where q̇ = N v:
 
-        d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = M_q q̈ + h_q,   M = Nᵀ M_q N,   h = Nᵀ (h_q + M_q Ṅ v).
+        Nᵀ (d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q) + d/dt ∂T/∂v + turned(v, ∂T/∂v) = M v̇ + h.
 
-    h holds the forces of the potential, so they are not in Q again. Raises ModelError where T is
-    not quadratic in the rates.
+    The first part is Lagrange's. The second is of velocities in the axes of a body that turns,
+    which carry their momenta along (Poincaré 1901; Kirchhoff's equations of a body in a fluid). h
+    holds the forces of the potential, so they are not in Q again. Raises ModelError where T is not
+    quadratic in the rates and velocities.
     """
-    nq = s.q.numel()
     T = ca.SX(s.scalar(model.kinetic)) if model.kinetic is not None else ca.SX(0)
     V = ca.SX(s.scalar(model.potential)) if model.potential is not None else ca.SX(0)
-    # ∂T/∂q̇, linear in q̇: its slope is M_q
-    momentum = ca.gradient(T, s.qd) if nq else ca.SX(0, 1)
-    M_q = ca.jacobian(momentum, s.qd)
-    if ca.depends_on(M_q, s.qd):
+    over_rates = ca.gradient(T, s.qd) if s.qd.numel() else ca.SX(0, 1)
+    over_v = ca.gradient(T, s.v) if s.v.numel() else ca.SX(0, 1)
+    # linear in q̇ and v: their slopes are the inertia
+    momenta, moving = ca.vertcat(over_rates, over_v), ca.vertcat(s.qd, s.v)
+    inertia = ca.jacobian(momenta, moving)
+    if ca.depends_on(inertia, moving):
         raise ModelError(
             Diagnostic(
                 file=model.file, message="the kinetic energy is not quadratic in the rates der(…)"
             )
         )
-    along = ca.vertcat(s.t, s.q)
-    h_q = ca.jtimes(momentum, along, ca.vertcat(1, s.qd)) - gradient(T - V, s.q)
-    M, h = _over_v(M_q, h_q, s, qdot)
-    formulas = [h, T, _missing(T, momentum, s), ca.jtimes(T, s.t, ca.SX(1))]
+    forces = ca.jtimes(momenta, ca.vertcat(s.t, s.q), ca.vertcat(1, s.qd))
+    forces[: s.qd.numel()] -= gradient(T - V, s.q)
+    M, h = _over_v(inertia, forces, s, qdot)
+    h = h + turned(model, s.v, over_v)
+    formulas = [h, T, _missing(T, momenta, moving), ca.jtimes(T, s.t, ca.SX(1))]
     bias, energy, missing, explicit = ca.substitute(formulas, [s.qd], [qdot])
-    return Lagrangian(M, bias, energy, V, missing, explicit)
+    return Lagrangian(M, bias, energy, V, missing, explicit, given=M)
 
 
-def _over_v(M_q: ca.SX, h_q: ca.SX, s: Symbols, qdot: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """M and h of the generalized velocities; what they were where those are the rates."""
-    N = ca.jacobian(qdot, s.v)
-    if _is_identity(N):
-        return M_q, h_q
+def turned(model: Model, v: ca.SX, momenta: ca.SX) -> ca.SX:
+    """What momenta (nv) conjugate to v change by because axes of velocities turn along."""
+    result = ca.SX(v.numel(), 1)
+    places = {velocity.name: j for j, velocity in enumerate(model.velocities)}
+    for joint in model.joints:
+        change = joint_type(joint.type, joint.orientation).turned
+        own = [places[name] for name in joint.velocities]
+        if change is not None and not momenta[own].is_zero():
+            result[own] = ca.vertcat(*change(*([x[j] for j in own] for x in (v, momenta))))
+    return ca.sparsify(result)
+
+
+def _over_v(inertia: ca.SX, forces: ca.SX, s: Symbols, qdot: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """M and h of the generalized velocities; what they were over q̇ where those are the rates."""
+    nq, N = s.qd.numel(), ca.jacobian(qdot, s.v)
+    alone = not inertia[nq:, :].nnz() and forces[nq:].is_zero()
+    if alone and _is_identity(N):
+        return inertia[:nq, :nq], forces[:nq]
     # N depends on q, so q̈ = N v̇ + Ṅ v: the second part is a bias
     turning = ca.jtimes(qdot, s.q, qdot)  # Ṅ v
-    h = ca.mtimes(N.T, ca.substitute(h_q, s.qd, qdot) + ca.mtimes(M_q, turning))
-    return ca.mtimes(N.T, ca.mtimes(M_q, N)), h
+    forces = ca.substitute(forces, s.qd, qdot) + ca.mtimes(inertia[:, :nq], turning)
+    both = ca.vertcat(N, ca.SX.eye(s.v.numel()))
+    if alone:
+        both, inertia, forces = N, inertia[:nq, :nq], forces[:nq]
+    return ca.mtimes(both.T, ca.mtimes(inertia, both)), ca.mtimes(both.T, forces)
 
 
-def _missing(T: ca.SX, momentum: ca.SX, s: Symbols) -> ca.SX:
+def _missing(T: ca.SX, momenta: ca.SX, moving: ca.SX) -> ca.SX:
     """T₁ + 2 T₀ of a kinetic energy that is at most quadratic in the rates."""
-    still = ca.SX.zeros(s.qd.numel())
-    linear, constant = ca.substitute([momentum, T], [s.qd], [still])
-    return ca.simplify(ca.dot(linear, s.qd) + 2 * constant)
+    still = ca.SX.zeros(moving.numel())
+    linear, constant = ca.substitute([momenta, T], [moving], [still])
+    return ca.simplify(ca.dot(linear, moving) + 2 * constant)
 
 
 def _is_identity(N: ca.SX) -> bool:

@@ -226,6 +226,7 @@ class System:
     definite: bool  # M is positive definite at the nominal values
     quaternions: tuple[int, ...]  # where in q a unit quaternion (w, x, y, z) starts
     M_extra: ca.SX  # nv × nv, of the kinetic energy that is not in the links
+    M_given: ca.SX  # of that, what the file's formula gives; the rest is rotors
     h_extra: ca.SX
     gravity: Vector
     names: tuple[Named, ...]

@@ -158,6 +158,7 @@ def _assembled(
         definite=not written or _is_definite(M, s),
         quaternions=_quaternions(model),
         M_extra=extra.M,
+        M_given=extra.given,
         h_extra=extra.h,
         gravity=g,
         names=(),

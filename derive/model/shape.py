@@ -142,8 +142,8 @@ class Document(Entry):
     )
     kinetic: Formula | None = Field(
         None,
-        description="Kinetic energy of the analytic form.",
-        json_schema_extra=term("a part of T, quadratic in the rates", "J"),
+        description="Kinetic energy of the analytic form, or of what bodies carry along besides.",
+        json_schema_extra=term("a part of T, quadratic in rates and velocities", "J"),
     )
     potential: Formula | None = Field(
         None,

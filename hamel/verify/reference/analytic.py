@@ -28,7 +28,7 @@ from hamel.verify.reference.rows import RowsOf
 from hamel.verify.reference.states import State
 from hamel.verify.reference.tables import numeric
 from hamel.verify.reference.tables import symbolic as symbolic_tables
-from hamel.verify.reference.vectors import Array
+from hamel.verify.reference.vectors import Array, skew
 
 POSITIONS = ("position", "orientation", "angle", "length")  # measures that are no velocities
 SYMBOLIC = symbolic()
@@ -245,36 +245,65 @@ def _inside(item: OnSurface, place: Layout, state: State) -> list[Jet]:
 
 
 def lagrange(model: Model, s: Symbols, place: Layout) -> Callable[[State], Lagrange]:
-    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·); what V has
-    of measures m of the motion is a force −∂V/∂m along their own ṁ = over z.
+    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = Q in the coordinates, then the rows along v: Nᵀ(·), and d/dt
+    ∂T/∂v with what the brackets of the velocities' directions take from ∂T/∂v; what V has of
+    measures m of the motion is a force −∂V/∂m along their own ṁ = over z.
 
-    d(T + V − G)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t with G = 2 T − q̇·∂T/∂q̇, which vanishes for an
+    d(T + V − G)/dt = Q·q̇ + ∂V/∂t − ∂T/∂t with G = 2 T − q̇·∂T/∂q̇ − v·∂T/∂v, which vanishes for an
     ordinary quadratic T.
     """
-    n, k = len(s.q), len(s.m)
+    n, nv, k = len(s.q), len(s.v), len(s.m)
     at = s.function(_entries(model, s))
 
     def evaluate(state: State) -> Lagrange:
-        mass, force, slopes, (T, V, power, odd) = np.split(at(state), np.cumsum([n * n, n, k]))
-        mass, N = mass.reshape(n, n), state.N
-        along_v = N.T @ (force - mass @ state.drift)
+        sizes = np.cumsum([(n + nv) ** 2, n + nv, nv, k])
+        inertia, force, momenta, slopes, (T, V, power, odd) = np.split(at(state), sizes)
+        inertia, both = inertia.reshape(n + nv, n + nv), np.vstack([state.N, np.eye(nv)])
+        along_v = both.T @ (force - inertia[:, :n] @ state.drift) + _brackets(state, momenta)
         pull, _ = _second_order(s, place, state, along_v, -slopes)
-        return Lagrange(N.T @ mass @ N, pull, T, V, power, odd)
+        return Lagrange(both.T @ inertia @ both, pull, T, V, power, odd)
 
     return evaluate
 
 
+def _brackets(state: State, momenta: Array) -> Array:
+    """Σ p_k [v, e_j]^k of the velocities along a body's axes: the bracket of two twists X, Y that
+    turn along is the commutator X Y − Y X of their 4 × 4 matrices."""
+    result = np.zeros(len(momenta))
+    for seat in state.seats:
+        p = momenta[seat.columns]
+        if not p.any():
+            continue
+        twists = [_twist(x) for x in seat.twists.T]
+        basis = np.array([x.ravel() for x in twists]).T
+        moving = sum(v * x for v, x in zip(state.v[seat.columns], twists))
+        for j, x in enumerate(twists):
+            bracket = (moving @ x - x @ moving).ravel()
+            result[seat.columns.start + j] = p @ np.linalg.lstsq(basis, bracket, rcond=None)[0]
+    return result
+
+
+def _twist(columns: Array) -> Array:
+    """[ω]× beside v, a 4 × 4 matrix."""
+    result = np.zeros((4, 4))
+    result[:3, :3], result[:3, 3] = skew(columns[:3]), columns[3:]
+    return result
+
+
 def _entries(model: Model, s: Symbols) -> list[Any]:
-    """mass (nq²), force (nq), ∂V/∂m (nm), T, V, ∂V/∂t − ∂T/∂t and G."""
+    """Inertia over (q̇, v), its forces, ∂T/∂v, ∂V/∂m (nm), T, V, ∂V/∂t − ∂T/∂t and G."""
     T = s.read(model.kinetic) if model.kinetic is not None else sympy.Integer(0)
     V = s.read(model.potential) if model.potential is not None else sympy.Integer(0)
-    momenta = [sympy.diff(T, r) for r in s.r]
-    mass = [sympy.diff(momentum, r) for momentum in momenta for r in s.r]
-    force = [sympy.diff(T - V, x) - s.along(momentum) for x, momentum in zip(s.q, momenta)]
-    G = 2 * T - sum(momentum * r for momentum, r in zip(momenta, s.r))
+    moving = (*s.r, *s.v)
+    momenta = [sympy.diff(T, r) for r in moving]
+    inertia = [sympy.diff(momentum, r) for momentum in momenta for r in moving]
+    slopes = [*(sympy.diff(T - V, x) for x in s.q), *(0 for _ in s.v)]
+    force = [slope - s.along(momentum) for slope, momentum in zip(slopes, momenta)]
+    G = 2 * T - sum(momentum * r for momentum, r in zip(momenta, moving))
     return [
-        *mass,
+        *inertia,
         *force,
+        *momenta[len(s.q) :],
         *(sympy.diff(V, x) for x in s.m),
         T,
         V,

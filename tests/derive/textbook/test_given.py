@@ -203,14 +203,14 @@ def test_a_planar_model_rolls_on_lines_and_its_points_have_two_components() -> N
     text = told(
         f"{FLAT}constraints:\n"
         "  R: {type: rolling, body: two, shape: {wheel: {radius: b}}, plane: {normal: z}}\n"
-        "  S: {type: point_on_surface, body: one, at: [b, 0], surface: z - 0.123456789*x^2/(1 m)}\n"
+        "  S: {type: point_on_surface, body: one, at: [b, 0], surface: z + 1 cm - 0.123456789*x^2/(1 m)}\n"
         "initial: {guess: {z: 0.1 m}}\n"
     )
     wheel = (
         "a circle of two about (0, 0), of radius b, rolls without slip on the line of the ground"
     )
     assert f"{wheel} through (0, 0), normal to (0, 1)" in text
-    curve = r"the point of one at (b, 0) stays on the curve z - 0.123457 x^{2} = 0 of the ground"
+    curve = r"the point of one at (b, 0) stays on the curve z + 0.01 - 0.123457 x^{2} = 0 of the ground"
     assert f"{curve}, with x, z along its axes" in text
 
 

@@ -21,10 +21,10 @@ from derive.choices.elimination import Elimination, transformation
 from derive.choices.limits import EXPLICIT_MANY
 from derive.choices.reduction import Reduction
 from derive.expressions.counting import alternatives, instructions
-from derive.expressions.deferred import Deferred, Term, is_deferred
+from derive.expressions.deferred import Deferred, Term, is_deferred, passed_on
 from derive.expressions.scalars import Matrix, Scalar, Vector
-from derive.joints.rotations import dot, is_zero, minus, plus
-from derive.mechanics.articulated import Motions, tree_solution
+from derive.joints.rotations import dot, minus, plus
+from derive.mechanics.articulated import Motions, motions_of, tree_solution
 from derive.mechanics.forms import Form
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.layouts import layouts
@@ -55,6 +55,7 @@ class Explicit:
     mass: Term[ca.SX] = Term()
     force: Term[ca.SX] = Term()
     solve: Callable[[Vector], Vector] | None = None
+    lam: ca.SX | None = None  # of the independent rows, where it is found on the way
 
     def named(self, reduction: Reduction) -> tuple[Named, ...]:
         """What the generated code names its sections after."""
@@ -63,12 +64,12 @@ class Explicit:
             Named("v", "generalized velocities", reduction.v),
             Named("sigma", "v̇ where ẇ = 0", reduction.sigma),
         )
-        if is_deferred(self, "wdot") or is_deferred(self, "mass"):
+        if is_deferred(self, "wdot"):
             return shown
         return (
             *shown,
-            Named("M_w", "mass matrix of the quasi-velocities, Sᵀ M S", self.mass),
-            Named("f_w", "right-hand side, Sᵀ (Q − h − M σ)", self.force),
+            Named("M_w", "mass matrix of the quasi-velocities, Sᵀ M S", passed_on(self, "mass")),
+            Named("f_w", "right-hand side, Sᵀ (Q − h − M σ)", passed_on(self, "force")),
         )
 
 
@@ -77,7 +78,7 @@ def explicit(system: System, reduction: Reduction) -> Explicit:
     fewest operations: by joints, by links, with inertias as given or regrouped, or by the O(n)
     recursion. All ways give the same ẇ up to rounding; only the operations of q̇ and ẇ are
     compared."""
-    if system.long and not system.rows and _motions(system, reduction.S):
+    if system.long and not system.rows and motions_of(system, reduction.S):
         return _deferred(system, reduction)
     solution = _articulated(system, reduction)
     if not solution or system.written:
@@ -105,18 +106,16 @@ def _mass(system: System, reduction: Reduction, best: _Gathered) -> ca.SX | Defe
     if best.mass is not None:
         return _sparse(best.mass)
     if system.written:
+        return reduced_mass(system, reduction)
+    return Deferred(lambda: reduced_mass(system, reduction), len(reduction.names) ** 2)
+
+
+def reduced_mass(system: System, reduction: Reduction) -> ca.SX:
+    """Sᵀ M S; M of the links where it is not written out."""
+    if system.written:
         return _symmetric_product(reduction.S, system.M)
-    return _gathered_mass(system, reduction)
-
-
-def _gathered_mass(system: System, reduction: Reduction) -> Deferred[ca.SX]:
-    """Sᵀ M S where M is not written out."""
-
-    def gathered() -> ca.SX:
-        M = _sparse(mass_matrix(system.links, system.inertias[-1], system.v.numel()))
-        return _symmetric_product(reduction.S, M + system.M_extra)
-
-    return Deferred(gathered, len(reduction.names) ** 2)
+    own = mass_matrix(system.links, system.inertias[-1], system.v.numel())
+    return _symmetric_product(reduction.S, _sparse(own) + system.M_extra)
 
 
 def _position_rates(system: System, reduction: Reduction) -> ca.SX:
@@ -143,7 +142,7 @@ def _deferred(system: System, reduction: Reduction) -> Explicit:
         gathered="articulated bodies",
         wdot=late(lambda: found().wdot),
         vdot=late(lambda: ca.densify(ca.mtimes(reduction.S, found().wdot) + reduction.sigma)),
-        mass=_gathered_mass(system, reduction),
+        mass=late(lambda: reduced_mass(system, reduction)),
         force=late(lambda: _column(found().force)),
         solve=lambda side: found().solve(side),
     )
@@ -192,12 +191,12 @@ def _of_matrix(mass: Matrix, force: Vector) -> Vector:
 def _articulated(system: System, reduction: Reduction) -> list[_Gathered]:
     """ẇ by the O(n) recursion, where each quasi-velocity moves one joint of a tree, what else the
     joints do is prescribed, and T is the bodies' alone."""
-    motions = _motions(system, reduction.S)
+    motions = motions_of(system, reduction.S)
     if not motions:
         return []
     rotors = _entries(ca.densify(ca.diag(_symmetric_product(reduction.S, system.M_extra))))
     candidates: list[_Gathered] = []
-    force = _forces_on_tree(system, reduction)
+    force = forces_on_tree(system, reduction)
     for label, inertias in _inertias(system):
         solve = functools.partial(_of_tree, system, inertias, rotors, motions)
         wdot = _column(solve(force))
@@ -215,34 +214,7 @@ def _of_tree(
     return tree_solution(system.links, inertias, rotors, force, motions).vdot
 
 
-def _motions(system: System, S: ca.SX) -> list[list[tuple[Vector, int]]]:
-    """By link the motions of the quasi-velocities that move its joint; nothing where one moves
-    several joints, or where inertia beside the bodies couples them."""
-    owners = {j: i for i, link in enumerate(system.links) for j in link.columns}
-    rows: list[list[int]] = [[] for _ in range(S.size2())]
-    for j, k in zip(*ca.sparsify(S).sparsity().get_triplet()):
-        rows[k].append(j)
-    moved = [{owners.get(j, -1) for j in own} for own in rows]
-    if not rows or any(len(own) != 1 or -1 in own for own in moved):
-        return []
-    if not _is_diagonal(_symmetric_product(S, system.M_extra)):
-        return []
-    result: list[list[tuple[Vector, int]]] = [[] for _ in system.links]
-    for k, (own, (i,)) in enumerate(zip(rows, moved)):
-        link = system.links[i]
-        axes = [link.motion[link.columns.index(j)] for j in own]
-        axis = [dot([S[j, k] for j in own], [x[a] for x in axes]) for a in range(6)]
-        result[i].append((axis, k))
-    return result
-
-
-def _is_diagonal(M: ca.SX) -> bool:
-    rows, columns = M.sparsity().get_triplet()
-    beside = [k for k, (i, j) in enumerate(zip(rows, columns)) if i != j]
-    return not beside or all(is_zero(x) for x in ca.vertsplit(M.nz[beside]))
-
-
-def _forces_on_tree(system: System, reduction: Reduction) -> Vector:
+def forces_on_tree(system: System, reduction: Reduction) -> Vector:
     """Sᵀ (Q − h − M σ) by Newton–Euler with v̇ = σ."""
     return _by_joints(system, reduction, _beside_links(system, reduction), reduction.sigma)
 

@@ -61,5 +61,13 @@ FEWEST = 10
 # survey
 STRETCHED = 0.03  # of Kantorovich's quantity: about 1/2 at singular positions, rounding at others
 
+# few rows
+# velocities from which ẇ is looked for by Gauss's principle and the recursion, with rows of so many
+# of them at most
+MANY, FEW_ROWS = 10, 0.25
+# more quasi-velocities than this, held by at most so many rows, go that way without being compared:
+# with 22, of a chain held at its end, Sᵀ M S takes twice the operations, with 46 five times
+CUBIC, FEWEST_ROWS = 24, 6
+
 # walk
 NO_PIVOT = 1e-13  # of the size of its row: an entry that is nowhere larger is rounding

@@ -73,6 +73,18 @@ def block_guards(
     )
 
 
+def in_words(survey: Survey, found: Solved, names: Sequence[str]) -> tuple[str, ...]:
+    """The pivots of an elimination of [A; B], row by row."""
+    kinds = ("a number", "cannot vanish", "varies")
+    velocities = [v.name for v in survey.system.model.velocities]
+    return tuple(
+        f"{' and '.join(names[i] for i in block.rows)} for "
+        f"{' and '.join(velocities[j] for j in block.columns)} "
+        f"(pivot: {kinds[block.grade]})"
+        for block in found.blocks
+    )
+
+
 def _largest(survey: Survey, pivot: Scalar, given: Reduction) -> float:
     return float(np.max(np.abs(sampled(survey, given.at_frame(ca.SX(pivot))))))
 

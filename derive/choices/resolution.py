@@ -12,9 +12,12 @@ import numpy as np
 from derive.choices.candidates import candidates, suited
 from derive.choices.elimination import Beginning
 from derive.choices.explicit import Explicit, explicit
+from derive.choices.few_rows import by_few_rows, has_few_rows, tying_rows
 from derive.choices.limits import (
+    CUBIC,
     DEPENDENT,
     FEW,
+    FEWEST_ROWS,
     FINALISTS,
     NAMED,
     ROUNDOFF,
@@ -225,8 +228,14 @@ def _least(survey: Survey, task: Task, rows: Sequence[RowForm]) -> tuple[Reducti
             )
         except (Dependent, Undetermined):
             continue  # the system's own velocities will do
+    safest = min((x for _, x in found), key=_risk)
+    held = by_few_rows(survey, task, rows, safest) if has_few_rows(survey) else None
+    if held and len(task.names) > CUBIC and tying_rows(survey) <= FEWEST_ROWS:
+        return held
     results = [(x, explicit(system, x)) for _, x in found]
-    best = min(range(len(found)), key=lambda k: (_risk(found[k][1]), results[k][1].operations))
+    best = min(range(len(found)), key=lambda k: _preference(*results[k]))
+    if held and _preference(*held) < _preference(*results[best]):
+        return held
     if len(system.links) > FEW:
         return results[best]
     reduction = by_elimination(task, replace(found[best][0], short=1))
@@ -285,6 +294,10 @@ def _by_their_first_rows(task: Task, ways: Sequence[Way]) -> list[Way]:
 
 def _risk(reduction: Reduction) -> tuple[bool, int]:
     return not reduction.constant_pivots, len(reduction.guards)
+
+
+def _preference(reduction: Reduction, equations: Explicit) -> tuple[tuple[bool, int], int]:
+    return _risk(reduction), equations.operations
 
 
 def _are_the_base(rows: Sequence[RowForm]) -> bool:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from derive.diagnostics import HamelError
 from derive.expressions.counting import alternatives
 from derive.expressions.scalars import Vector
-from derive.formulations.gauss import constrained_motion, rows_of, tree_inverse_applied
 from derive.formulations.limits import (
     CLOSED,
     FEW_ROWS,
@@ -23,6 +22,7 @@ from derive.formulations.limits import (
 from derive.formulations.motion import Motion, at_motion, guards_of, labels_of_state
 from derive.formulations.multipliers import least_change
 from derive.formulations.records import Function, Iteration, Result
+from derive.mechanics.gauss import held_tree, is_of_links, velocities_alone
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.motion import row_number
 from derive.mechanics.records import System
@@ -182,22 +182,23 @@ def _position_step(system: System, motion: Motion) -> ca.SX:
 
 
 def _least_step(system: System, A: ca.SX, change: Vector) -> ca.SX:
-    """By the bordered matrix, or, of a long tree with few rows, by the recursion for M⁻¹ Aᵀ."""
+    """By the bordered matrix, or, of a long tree where few rows tie several velocities, by Gauss's
+    principle and the recursion."""
     found = [ca.vertcat(*least_change(_metric(system), A, change))]
-    nv = system.v.numel()
-    if nv >= MANY and len(change) <= FEW_ROWS * nv and system.definite and _of_links(system):
-        still: Vector = [0.0] * nv
-        inverse = [still, *tree_inverse_applied(system, rows_of(A))]
-        found.append(ca.vertcat(*constrained_motion(A, change, inverse).vdot))
+    nv, tying = system.v.numel(), len(change) - len(velocities_alone(A))
+    if nv >= MANY and tying <= FEW_ROWS * nv and system.definite and is_of_links(system):
+        tree = held_tree(system, A, ca.vertcat(*change))
+        found.append(tree.motion(-_inertial(system, tree.sigma))[0])
     counts = alternatives(found) if len(found) > 1 else [0]
     return found[counts.index(min(counts))]
 
 
-def _of_links(system: System) -> bool:
-    """All inertia is in bodies, or in rotors of single velocities."""
-    rows, columns = system.M_extra.sparsity().get_triplet()
-    carried = {j for link in system.links for j in link.columns}
-    return rows == columns and len(carried) == system.v.numel()
+def _inertial(system: System, vdot: ca.SX) -> ca.SX:
+    """M v̇ by Newton–Euler, at rest and without gravity."""
+    still: Vector = [0.0] * vdot.numel()
+    moved: Vector = [*ca.vertsplit(ca.densify(vdot))]
+    forces = joint_forces_of_motion(system.layouts, still, moved, [0.0, 0.0, 0.0])
+    return ca.vertcat(*forces) + ca.mtimes(system.M_extra, vdot)
 
 
 def _at_rest(system: System, motion: Motion) -> ca.SX | None:
@@ -208,11 +209,7 @@ def _at_rest(system: System, motion: Motion) -> ca.SX | None:
     shift = of.shift
     if shift is None:
         return None
-    still: Vector = [0.0] * nv
-    moved: Vector = [*ca.vertsplit(shift)]
-    forces = joint_forces_of_motion(system.layouts, still, moved, [0.0, 0.0, 0.0])
-    inertial = ca.vertcat(*forces) + ca.mtimes(system.M_extra, shift)
-    force: Vector = [*ca.vertsplit(ca.densify(-ca.mtimes(of.S.T, inertial)))]
+    force: Vector = [*ca.vertsplit(ca.densify(-ca.mtimes(of.S.T, _inertial(system, shift))))]
     y = of.solve(force)
     return shift + (ca.mtimes(of.S, ca.vertcat(*y)) if y else 0)
 

@@ -14,6 +14,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
+
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.records import Rotation
 from derive.joints.rotations import (
@@ -28,7 +30,7 @@ from derive.joints.rotations import (
     transpose,
 )
 from derive.mechanics.links import moved, symmetric, turned_tensor
-from derive.mechanics.records import Inertia, Link
+from derive.mechanics.records import Inertia, Link, System
 
 Motions = Sequence[tuple[Vector, int]]  # axes of a link at its joint point, and their numbers
 
@@ -205,3 +207,30 @@ def _received(links: Sequence[Link], twists: Sequence[Vector], link: Link) -> Ve
     alpha, a = twists[link.parent][:3], twists[link.parent][3:]
     back = transpose(link.R)
     return [*rotated(back, alpha), *rotated(back, sum_of(a, cross(alpha, arm)))]
+
+
+def motions_of(system: System, S: ca.SX) -> list[list[tuple[Vector, int]]]:
+    """By link the motions of the quasi-velocities that move its joint; nothing where one moves
+    several joints, or where inertia beside the bodies couples them."""
+    owners = {j: i for i, link in enumerate(system.links) for j in link.columns}
+    rows: list[list[int]] = [[] for _ in range(S.size2())]
+    for j, k in zip(*ca.sparsify(S).sparsity().get_triplet()):
+        rows[k].append(j)
+    moved = [{owners.get(j, -1) for j in own} for own in rows]
+    if not rows or any(len(own) != 1 or -1 in own for own in moved):
+        return []
+    if not _is_diagonal(ca.mtimes(S.T, ca.mtimes(system.M_extra, S))):
+        return []
+    result: list[list[tuple[Vector, int]]] = [[] for _ in system.links]
+    for k, (own, (i,)) in enumerate(zip(rows, moved)):
+        link = system.links[i]
+        axes = [link.motion[link.columns.index(j)] for j in own]
+        axis = [dot([S[j, k] for j in own], [x[a] for x in axes]) for a in range(6)]
+        result[i].append((axis, k))
+    return result
+
+
+def _is_diagonal(M: ca.SX) -> bool:
+    rows, columns = M.sparsity().get_triplet()
+    beside = [k for k, (i, j) in enumerate(zip(rows, columns)) if i != j]
+    return not beside or all(is_zero(x) for x in ca.vertsplit(M.nz[beside]))

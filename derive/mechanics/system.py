@@ -23,7 +23,7 @@ from derive.mechanics.events import events
 from derive.mechanics.forms import ONE, Form
 from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.layouts import layouts
-from derive.mechanics.limits import FEW, LONG, MOST_ENTRIES, REGULAR
+from derive.mechanics.limits import DEEP_IN_PLANE, FEW, LONG, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Loads, applied, armatures, by_links
 from derive.mechanics.measures import with_measures
@@ -44,7 +44,7 @@ from derive.mechanics.records import Inertia, Link, RowForm, System
 from derive.mechanics.scene import Block, Scene
 from derive.mechanics.states import rates_of_states
 from derive.mechanics.symbols import Symbols, symbols
-from derive.mechanics.tree import mass_matrix, path
+from derive.mechanics.tree import mass_matrix, path, row_forces
 from derive.model.load_records import Exhaust
 from derive.model.records import Model
 
@@ -243,13 +243,24 @@ def _rows(scene: Scene, rows: list[RowForm]) -> tuple[ca.SX, ca.SX, ca.SX]:
     joints: dict[int, Form] = {j: {("v", j): 1.0} for j in range(nv)}
     A, c, beta = ca.SX(len(rows), nv), ca.SX.zeros(len(rows)), ca.SX.zeros(len(rows))
     for i, row in enumerate(rows):
-        for (_, j), coefficient in row_form(row, speeds, joints).items():
-            A[i, j] = coefficient
+        A[i, :] = _coefficients(scene, row, row_form(row, speeds, joints))
         moving = row_form(row, rates, joints).get(ONE, 0.0)
         c[i] = row.value
         # all of the row's rate but A v̇, on the other side
         beta[i] = row.rate - moving - row_products(row, numbers)
     return A, c, beta
+
+
+def _coefficients(scene: Scene, row: RowForm, form: Form) -> ca.SX:
+    """A row of A (1 × nv) from its form; where it speaks of many velocities by Jᵀ, the forces at
+    the joints of a unit force along the row, which is handed down from link to link, where that
+    takes fewer operations."""
+    nv = scene.symbols.v.numel()
+    known = [[form.get(("v", j), 0.0) for j in range(nv)]]
+    if len(form) > DEEP_IN_PLANE:
+        held = row_forces(row, scene.links, nv)
+        known.append([held[j] if ("v", j) in form else 0.0 for j in range(nv)])
+    return _matrix([cheapest(known)], 1, nv)
 
 
 def _twist_forms(

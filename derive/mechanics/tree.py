@@ -21,6 +21,7 @@ from derive.joints.rotations import (
     matrix,
     merged,
     minus,
+    plus,
     product,
     rotated,
     sum_of,
@@ -28,7 +29,7 @@ from derive.joints.rotations import (
 )
 from derive.mechanics.links import moved, summed
 from derive.mechanics.motion import STILL, Numbers, child_numbers
-from derive.mechanics.records import Inertia, Link, Place
+from derive.mechanics.records import Inertia, Link, Place, RowForm
 
 Positions = Sequence[Vector] | Mapping[int, Vector]  # of links, by their numbers
 Rotations = Sequence[Matrix] | Mapping[int, Matrix]
@@ -190,6 +191,20 @@ def joint_forces(links: Sequence[Link], wrenches: Sequence[Wrench], nv: int) -> 
         if link.parent >= 0:
             n, f = carried[link.parent]
             carried[link.parent] = (sum_of(n, below[0]), sum_of(f, below[1]))
+    return result
+
+
+def row_forces(row: RowForm, links: Sequence[Link], nv: int) -> list[Scalar]:
+    """The coefficients of v (nv) in a row: the forces at the joints of a unit force along it."""
+    wrenches: list[Wrench] = [([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]) for _ in links]
+    for term in row.terms:
+        if term.link >= 0:
+            n, f = wrenches[term.link]
+            moment = sum_of(term.moment, cross(term.point, term.direction))
+            wrenches[term.link] = (sum_of(n, moment), sum_of(f, term.direction))
+    result = joint_forces(links, wrenches, nv)
+    for j, coefficient in row.coefficients:
+        result[j] = plus(result[j], coefficient)
     return result
 
 

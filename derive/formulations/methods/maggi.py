@@ -16,7 +16,7 @@ import casadi as ca
 from derive.choices.explicit import Explicit
 from derive.choices.named import carried_through
 from derive.choices.orthonormal import LENGTH
-from derive.choices.pivots import Solved, block_guards, solved
+from derive.choices.pivots import block_guards, in_words, solved
 from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey
 from derive.diagnostics import AssumptionError
@@ -75,7 +75,7 @@ def _inverted(survey: Survey, reduction: Reduction) -> tuple[ca.SX, Reduction]:
         sigma=ca.substitute(sigma, system.v, v),
         walked=None,
         guards=(*lengths, *block_guards(survey, solution, names, reduction)),
-        pivots=_in_words(survey, solution, names),
+        pivots=in_words(survey, solution, names),
         constant_pivots=all(block.grade < 2 for block in solution.blocks),
     )
 
@@ -88,18 +88,6 @@ def _matrix(columns: list[Vector], n: int) -> ca.SX:
             if isinstance(x, ca.SX) or x != 0.0:
                 result[j, k] = x
     return ca.sparsify(result)
-
-
-def _in_words(survey: Survey, found: Solved, names: list[str]) -> tuple[str, ...]:
-    """The pivots of the elimination of Y, row by row."""
-    kinds = ("a number", "cannot vanish", "varies")
-    velocities = [v.name for v in survey.system.model.velocities]
-    return tuple(
-        f"{' and '.join(names[i] for i in block.rows)} for "
-        f"{' and '.join(velocities[j] for j in block.columns)} "
-        f"(pivot: {kinds[block.grade]})"
-        for block in found.blocks
-    )
 
 
 def _projected(survey: Survey, reduction: Reduction) -> Explicit:

@@ -54,6 +54,8 @@ def _multipliers(survey: Survey, reduction: Reduction, result: Explicit) -> ca.S
     rows = survey.independent_rows
     if not survey.rank:
         return rows.spread([])
+    if result.lam is not None and not survey.combines:
+        return rows.spread(entries(result.lam))
     missing = _missing(survey.system, reduction, result.vdot)
     Y = ca.vertcat(rows.A, reduction.B)
     found = solved(survey, Y.T, [entries(missing)], reduction)

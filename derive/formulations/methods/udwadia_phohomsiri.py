@@ -22,9 +22,9 @@ from derive.choices.survey import Survey
 from derive.formulations.assembly import column, entries, in_generalized_velocities
 from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation
-from derive.formulations.gauss import constrained_motion, named, rows_of
 from derive.formulations.limits import LIGHT
 from derive.formulations.records import Equations
+from derive.mechanics.gauss import constrained_motion, named, rows_of
 from derive.mechanics.records import Named
 from derive.mechanics.solve import ldl_solution, scalars
 from derive.model.records import Choice

@@ -3,14 +3,14 @@ of M."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 
 from derive.expressions.scalars import Matrix, Vector
 from derive.joints.rotations import dot
-from derive.mechanics.articulated import tree_solution
+from derive.mechanics.articulated import motions_of, tree_solution
 from derive.mechanics.records import Named, System
 from derive.mechanics.solve import ldl_solution, scalars
 
@@ -67,6 +67,59 @@ def tree_inverse_applied(system: System, sides: Sequence[Vector]) -> list[Vector
     ]  # regrouped: cheaper
 
 
+def is_of_links(system: System) -> bool:
+    """All inertia is in bodies, or in rotors of single velocities: what the recursion knows."""
+    rows, columns = system.M_extra.sparsity().get_triplet()
+    carried = {j for link in system.links for j in link.columns}
+    return rows == columns and len(carried) == system.v.numel()
+
+
+@dataclass(frozen=True)
+class Held:
+    """v̇ = S v̇' + σ where single velocities are given, the recursion over the others v̇', and the
+    rows that are left, A v̇' = β."""
+
+    S: ca.SX
+    sigma: ca.SX
+    A: ca.SX
+    beta: Vector
+    solve: Callable[[Vector], Vector]  # M'⁻¹ of a force conjugate to v'
+
+    def motion(self, force: ca.SX) -> tuple[ca.SX, Constrained]:
+        """v̇ for forces (nv) conjugate to v, those at v̇ = σ taken off."""
+        responses = [self.solve(row) for row in rows_of(self.A)]
+        free = self.solve(_entries(ca.mtimes(self.S.T, force)))
+        found = constrained_motion(self.A, self.beta, [free, *responses])
+        return ca.densify(ca.mtimes(self.S, _column(found.vdot)) + self.sigma), found
+
+
+def held_tree(system: System, A: ca.SX, beta: ca.SX) -> Held:
+    """What single velocities are given by rows of one number each, and what is left."""
+    nv, single = system.v.numel(), velocities_alone(A)
+    sigma = ca.SX(nv, 1)
+    for i, j in single.items():
+        sigma[j] = beta[i] / A[i, j]
+    S = ca.SX.eye(nv)[:, [j for j in range(nv) if j not in single.values()]]
+    rest = [i for i in range(A.size1()) if i not in single]
+    motions = motions_of(system, S)
+    rotors = _entries(ca.diag(ca.mtimes(S.T, ca.mtimes(system.M_extra, S))))
+
+    def solve(force: Vector) -> Vector:
+        return tree_solution(system.links, system.inertias[-1], rotors, force, motions).vdot
+
+    left = _entries(beta[rest] - ca.mtimes(A[rest, :], sigma))
+    return Held(S, sigma, ca.sparsify(ca.mtimes(A[rest, :], S)), left, solve)
+
+
+def velocities_alone(A: ca.SX) -> dict[int, int]:
+    """By row the velocity that it speaks of alone, times a number."""
+    columns: list[list[int]] = [[] for _ in range(A.size1())]
+    for i, j in zip(*A.sparsity().get_triplet()):
+        columns[i].append(j)
+    alone = {i: own[0] for i, own in enumerate(columns) if len(own) == 1}
+    return {i: j for i, j in alone.items() if A[i, j].is_constant()}
+
+
 def rows_of(A: ca.SX) -> Matrix:
     """The rows of a matrix as lists, what is not stored as the float 0: `solve` skips those."""
     return scalars(A)
@@ -90,3 +143,7 @@ def named(found: Constrained, A: ca.SX, beta: Vector) -> tuple[Named, ...]:
 
 def _column(x: Vector) -> ca.SX:
     return ca.vertcat(*x) if x else ca.SX(0, 1)
+
+
+def _entries(column: ca.SX) -> Vector:
+    return [*ca.vertsplit(ca.densify(column))] if column.numel() else []

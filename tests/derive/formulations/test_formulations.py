@@ -1,7 +1,7 @@
 """Choices of quasi-velocities: what is refused, what is preferred, what it costs, and that all of
 them mean the same.
 
-Of derive.formulations: assembly, dependence, fitness, formulation, functions, gauss, limits,
+Of derive.formulations: assembly, dependence, fitness, formulation, functions, limits,
 manifold, motion, multipliers, projection.
 Of derive.formulations.methods: augmented, maggi, quasi_velocities, recursive, udwadia_phohomsiri.
 """

@@ -1,6 +1,9 @@
 """Long trees with rows: what is prescribed or coupled costs by link, as the tree itself does.
 
-Of derive.formulations: projection, gauss. Of derive.formulations.methods: quasi_velocities.
+Of derive.choices: few_rows.
+Of derive.formulations: projection.
+Of derive.formulations.methods: quasi_velocities.
+Of derive.mechanics: articulated, gauss.
 """
 
 from __future__ import annotations
@@ -56,7 +59,61 @@ constraints:
   pt: {{type: prescribed, coordinate: yaw, motion: sin((3 rad/s)*t)}}
   half: {{type: prescribed, coordinate: j2, motion: sin((2 rad/s)*t)}}
 """
+CHAIN = """
+model: chain
+plane: xy
+gravity: [0, -9.81 m/s^2]
+repeat: {{i: 1..{0}}}
+bodies:
+  b0: {{mass: 0.1 kg, com: [0.05, 0.01], inertia: 0.001}}
+  b{{i}}: {{mass: 0.1 kg, com: [0.05, 0.01], inertia: 0.001}}
+joints:
+  j0: {1}
+  j{{i}}: {{type: revolute, parent: "b{{i-1}}", child: "b{{i}}", at: [0.1, 0], coordinate: "q{{i}}", damper: 0.02}}
+{2}
+"""
+HUNG = "{type: revolute, parent: ground, child: b0, coordinate: q0}"
+LOOSE = "{type: planar, parent: ground, child: b0, coordinates: [x, y, q0]}"
+
+
+def held(n: int) -> str:
+    closed = f"  k: {{type: revolute, between: [b{n}, ground], at: [[0.1, 0], [{0.06 * n}, 0]]}}"
+    return CHAIN.format(n, HUNG, f"closures:\n{closed}\ninitial: {{guess: {{q0: -1, q1: 0.1}}}}")
+
+
+def ring(n: int) -> str:
+    closed = f"  k: {{type: revolute, between: [b{n}, b0], at: [[0.1, 0], [0, 0]]}}"
+    guess = f'initial: {{guess: {{"q{{i}}": {6.283 / (n + 1)}}}}}'
+    return CHAIN.format(n, LOOSE, f"closures:\n{closed}\n{guess}")
+
+
+def mixed(n: int) -> str:
+    """Every third joint prescribed, the height of the tip a function of time, a knife that moves,
+    and speeds that are no single ones."""
+    rows = [
+        *(
+            f"  p{k}: {{type: prescribed, coordinate: q{k}, motion: 0.1*sin((3 rad/s)*t)}}"
+            for k in range(3, n, 3)
+        ),
+        f'  tip: {{holonomic: "position(b{n}, [0.1, 0]).y + 0.2 m + (0.05 m)*sin((2 rad/s)*t)"}}',
+        f'  knife: {{nonholonomic: "dot(velocity(b{n // 2}), direction(b{n // 2}, y)) - (0.1 m/s)*sin((2 rad/s)*t)"}}',
+    ]
+    return CHAIN.format(n, LOOSE, "constraints:\n" + "\n".join(rows))
+
+
+def held_in_space(n: int) -> str:
+    text = SPACE.format(n).replace(
+        "at: [0.05, 0, 0], axis", "at: [0.05, 0, 0], rpy: [0.7, 0, 0.2], axis"
+    )
+    closed = f"  k: {{type: ball, between: [b{n}, ground], at: [[0.05, 0, 0], [0.15, 0.1, 0.05]]}}"
+    return text[: text.index("constraints:")] + f"closures:\n{closed}\n"
+
+
 MODELS = {
+    "held": held,
+    "ring": ring,
+    "mixed": mixed,
+    "held in space": held_in_space,
     "base turned": lambda n: HEAD.format(n, HINGE) + TURN,
     "base shifted": lambda n: HEAD.format(n, PLANAR) + SLIDE,
     "coupled": lambda n: HEAD.format(n, HINGE) + COUPLED,
@@ -90,13 +147,27 @@ def test_accelerations_and_reactions_are_those_of_the_bordered_matrix(name: str)
 
 
 @pytest.mark.parametrize("name", MODELS)
+def test_rows_are_the_slopes_of_positions(name: str) -> None:
+    """A of holonomic rows is ∂φ/∂q N, whichever way its entries were found."""
+    s = made(name, 12)
+    found = states(s, 3, seed=1)
+    own = [(i, row.position) for i, row in enumerate(s.rows) if row.position >= 0]
+    slopes = ca.mtimes(ca.jacobian(s.phi[[k for _, k in own]], s.q), s.N)
+    rows = s.A[[i for i, _ in own], :]
+    both = ca.Function("both", [s.t, s.q, s.p], [ca.densify(slopes), ca.densify(rows)])
+    for k in range(len(found.t)):
+        expected, given = (x.full() for x in both(found.t[k], found.q[k], found.p[k]))
+        np.testing.assert_allclose(given, expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", MODELS)
 def test_the_step_of_project_is_that_of_the_bordered_matrix(name: str) -> None:
     """Nearest in the metric of M, off the constraints too."""
     s = made(name, 12)
     e = equations(s)
-    rows = [x.position for x in s.rows]
-    phi = [-s.phi[i] for i in rows]
-    step = bordered_solution(s.M, s.A, [0.0] * s.v.numel(), phi).x
+    closing = [i for i, x in enumerate(s.rows) if x.position >= 0]
+    phi = [-s.phi[s.rows[i].position] for i in closing]
+    step = bordered_solution(s.M, s.A[closing, :], [0.0] * s.v.numel(), phi).x
     moved = s.q + ca.substitute(s.qdot, s.v, ca.vertcat(*step))
     wanted = ca.Function("wanted", [s.t, s.q, s.p], [moved])
     found = states(s, 3, seed=2)

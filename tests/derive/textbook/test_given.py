@@ -210,7 +210,9 @@ def test_a_planar_model_rolls_on_lines_and_its_points_have_two_components() -> N
         "a circle of two about (0, 0), of radius b, rolls without slip on the line of the ground"
     )
     assert f"{wheel} through (0, 0), normal to (0, 1)" in text
-    curve = r"the point of one at (b, 0) stays on the curve z + 0.01 - 0.123457 x^{2} = 0 of the ground"
+    curve = (
+        r"the point of one at (b, 0) stays on the curve z + 0.01 - 0.123457 x^{2} = 0 of the ground"
+    )
     assert f"{curve}, with x, z along its axes" in text
 
 

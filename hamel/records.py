@@ -511,9 +511,22 @@ class KeptColumn:
 
 
 @dataclass(frozen=True)
+class MovedStart:
+    """A motion whose start the constraints do not allow: which value gave way, and what is used
+    (SI, or the unit of the model file)."""
+
+    motion: int
+    name: str
+    unit: str
+    given: float
+    used: float
+
+
+@dataclass(frozen=True)
 class Swept:
-    """A sweep that is complete. `statuses` counts motions by how they ended, `sensitivities` are
-    Sobol indices by kept quantity: first order and total of every name, with their confidence."""
+    """A sweep that is complete. `statuses` counts motions by how they ended, `moves` are the first
+    of those that are `moved`, `sensitivities` are Sobol indices by kept quantity: first order and
+    total of every name, with their confidence."""
 
     model: str
     folder: str
@@ -522,6 +535,7 @@ class Swept:
     statuses: Mapping[str, int]
     reasons: tuple[tuple[int, str], ...]
     moved: int  # motions whose held initial values had to give way
+    moves: tuple[MovedStart, ...]
     kept: tuple[KeptColumn, ...]
     sensitivities: Mapping[str, Any]
     engine: str
@@ -533,7 +547,7 @@ class Swept:
     rate: float  # motions made in one of these
     notes: tuple[str, ...]
     page: str
-    commands: Mapping[str, str]  # what reproduces the motions in `lowest` and `highest`
+    commands: Mapping[str, str]  # what makes motions at the ends and others again
     data: Callable[[], Any] | None = field(repr=False, default=None, metadata={"json": False})
 
     def to_xarray(self) -> Any:

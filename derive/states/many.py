@@ -36,14 +36,20 @@ SOLVED = 1e-13  # relative residual up to which the normal equations have solved
 @dataclass(frozen=True)
 class Starts:
     """q (k, nq), v (k, nv) and first-order states z (k, nz) in SI. `closed`: rows that satisfy the
-    constraints; `moved`: those
-    where a held value had to give way."""
+    constraints; `moves`: of each held value that had to give way somewhere what was given and what
+    is used, (2, k) in SI, where it had to, else nothing."""
 
     q: np.ndarray
     v: np.ndarray
     z: np.ndarray
     closed: np.ndarray
-    moved: np.ndarray
+    moves: Mapping[str, np.ndarray]
+
+    @property
+    def moved(self) -> np.ndarray:
+        """Rows where a held value had to give way."""
+        parts = [np.isfinite(used) for _, used in self.moves.values()]
+        return np.any([np.zeros(len(self.closed), dtype=bool), *parts], axis=0)
 
 
 @dataclass(frozen=True)
@@ -87,10 +93,10 @@ class Starter:
         q, closed = self._positions(t, given, here)
         rows = self._rows(t, q, here, given)
         v, agrees = self._velocities(t, given, q, here, rows)
-        moved = self._moved(given, q, v, rows)
+        moves = self._moves(given, q, v, rows)
         sizes = np.array([self.one_of(name) for name in self.coordinates])
         speeds = np.array([self.one_of(name) for name in self.velocities])
-        return Starts(q.T * sizes, v.T * speeds, self._charged(values, p), closed & agrees, moved)
+        return Starts(q.T * sizes, v.T * speeds, self._charged(values, p), closed & agrees, moves)
 
     def one_of(self, name: str) -> float:
         """One of the model's own units of that quantity, in SI; 1 where the name is not known."""
@@ -240,20 +246,22 @@ class Starter:
         values = [np.broadcast_to(given[name], k) for name in names]
         return np.stack([rows[name] for name in names]), np.stack(values)
 
-    def _moved(
+    def _moves(
         self,
         given: Mapping[str, np.ndarray],
         q: np.ndarray,
         v: np.ndarray,
         rows: Mapping[str, np.ndarray],
-    ) -> np.ndarray:
+    ) -> dict[str, np.ndarray]:
         used = dict(zip(self.coordinates, q))
         used |= {name: _sum(row * v, v.shape[1:]) for name, row in rows.items()}
-        changed = np.zeros(q.shape[1], dtype=bool)
-        for name, result in given.items():
-            if name in self.held:
-                changed |= ~(np.abs(used[name] - result) <= AGREES * (1 + np.abs(result)))
-        return changed
+        moves: dict[str, np.ndarray] = {}
+        for name in filter(self.held.__contains__, given):
+            pair = np.stack(np.broadcast_arrays(given[name], used[name]))
+            kept = np.abs(pair[1] - pair[0]) <= AGREES * (1 + np.abs(pair[0]))
+            if not kept.all():
+                moves[name] = np.where(kept, np.nan, pair * self.one_of(name))
+        return moves
 
 
 def starter(system: System, names: Collection[str], t: float = 0.0) -> Starter:

@@ -25,7 +25,8 @@ from hamel.sweep.limits import BLOCK, COUNT, MOST, WHOLE
 from hamel.sweep.quantiles import QUANTILES
 
 METHODS = ("formulation", "choice", "enforcement", "integrator", "rtol", "step_size")
-NUMBER, STATUS = OWN_COLUMNS = ("motion", "status")  # of every row, beside what is varied and kept
+# of every row, beside what is varied and kept
+NUMBER, STATUS, MOVED = OWN_COLUMNS = ("motion", "status", "moved")
 DESIGNS = ("random", "sobol", "latin", "saltelli")
 _CALL = re.compile(r"(\w+)\s*\((.*)\)", re.DOTALL)
 

@@ -14,10 +14,14 @@ import numpy as np
 from codegen.runtime.error import until_events
 from codegen.runtime.simulation import Status
 from derive.expressions.columns import columns_of
+from derive.states.many import Starts
 from hamel.simulate.energies import exchanged
 from hamel.sweep import modes
 from hamel.sweep.job import Job, Motions
 from hamel.sweep.kept import Kept, evaluated
+from hamel.sweep.limits import REASONS
+
+Move = tuple[int, str, float, float]  # motion, name, what was given, what is used
 
 NOT_ASSEMBLED, INADMISSIBLE = 100, 101
 CAUSES = {
@@ -51,7 +55,8 @@ class Chunk:
     varied: dict[str, np.ndarray]
     kept: dict[str, np.ndarray]
     status: np.ndarray
-    moved: int  # motions whose held values had to give way
+    moved: np.ndarray  # motions whose held values had to give way
+    moves: tuple[Move, ...]  # the first of them
     seconds: float
 
 
@@ -62,15 +67,29 @@ def made(job: Job, module: Any, number: int) -> Chunk:
     varied = job.design.values(first, last)
     work = job.work
     if isinstance(work, Motions):
-        columns, status, moved = _motions(job, work, module, varied, last - first)
+        columns, status, starts = _motions(job, work, module, varied, last - first)
+        moved = starts.moved & ~np.isin(status, (NOT_ASSEMBLED, INADMISSIBLE))
+        moves = _moves(starts, np.flatnonzero(moved)[:REASONS], first)
     else:
         parts, status = modes.columns(module, varied, last - first)
         status[~modes.has_masses(module, work.bodies, varied)] = INADMISSIBLE
-        columns, moved = {each.label: parts[each.text].copy() for each in job.kept}, 0
+        columns = {each.label: parts[each.text].copy() for each in job.kept}
+        moved, moves = np.zeros(last - first, dtype=bool), ()
     good = is_good(status)
     for column in columns.values():
         column[~good] = np.nan
-    return Chunk(first, varied, columns, status, moved, time.perf_counter() - begin)
+    return Chunk(first, varied, columns, status, moved, moves, time.perf_counter() - begin)
+
+
+def _moves(starts: Starts, rows: np.ndarray, first: int) -> tuple[Move, ...]:
+    """What gave way in these rows, in each the first that did."""
+    moves = []
+    for k in rows.tolist():
+        name, (given, used) = next(
+            (name, pair[:, k]) for name, pair in starts.moves.items() if np.isfinite(pair[1, k])
+        )
+        moves.append((first + k, name, float(given), float(used)))
+    return tuple(moves)
 
 
 # ---- motions
@@ -78,7 +97,7 @@ def made(job: Job, module: Any, number: int) -> Chunk:
 
 def _motions(
     job: Job, work: Motions, module: ModuleType, varied: dict[str, np.ndarray], count: int
-) -> tuple[dict[str, np.ndarray], np.ndarray, int]:
+) -> tuple[dict[str, np.ndarray], np.ndarray, Starts]:
     u = _filled(work.u, work.inputs, varied, count)
     p = _filled(work.p, work.parameters, varied, count)
     initial = {n: varied.get(n, np.array(work.held.get(n))) for n in work.starter.names}
@@ -104,7 +123,7 @@ def _motions(
         status[good] = run.status
         for each in job.kept:
             columns[each.label][good] = run.column(each)
-    return columns, status, int(np.sum(starts.moved & (status == 0)))
+    return columns, status, starts
 
 
 def _filled(

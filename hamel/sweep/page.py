@@ -37,8 +37,21 @@ def page(plan: Plan, record: Swept, columns: Columns | None) -> str:
         subtitle=_subtitle(plan, record),
         version=hamel.__version__,
         columns=[_section(plan, record, each, columns) for each in record.kept],
+        elsewhere=elsewhere(record) if record.moved else "",
+        moved=[(each.motion, record.commands[str(each.motion)]) for each in record.moves],
         failures=bad,
         failed=[(k, record.commands[str(k)]) for k, _ in record.reasons],
+    )
+
+
+def elsewhere(record: Swept) -> str:
+    """In how many motions the start is another one, and how it is in the first of them."""
+    motions = counted(record.moved, "motion begins", "motions begin")
+    first = record.moves[0]
+    unit = f" {first.unit}" if first.unit else ""
+    return (
+        f"{motions} elsewhere, as the constraints do not allow the start: motion {first.motion} "
+        f"at {first.name} = {first.used:.6g}{unit}, not {first.given:.6g}{unit}"
     )
 
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from derive.diagnostics import ToolchainError, counted
 from hamel.optional import library
-from hamel.sweep.axes import NUMBER, STATUS, problem
+from hamel.sweep.axes import MOVED, NUMBER, STATUS, problem
 from hamel.sweep.folder import Folder
 from hamel.sweep.job import Motions
 from hamel.sweep.kept import Kept
 from hamel.sweep.limits import SAME
 from hamel.sweep.plan import Plan
-from hamel.sweep.work import Held, columns_in, moved_in, summary_of
+from hamel.sweep.work import Held, columns_in, moves_in, summary_of
 
 SHOWN = 1_000_000  # rows that a page reads
 
@@ -26,8 +26,8 @@ def held_of_rows(plan: Plan) -> Callable[[bytes], Held]:
     def held(content: bytes) -> Held:
         columns = columns_in(content)
         quantities = {each.label: columns[each.label] for each in plan.kept}
-        first, moved = int(columns[NUMBER][0]), moved_in(content)
-        return summary_of(first, quantities, columns[STATUS], moved)
+        first, moved = int(columns[NUMBER][0]), (columns[MOVED], moves_in(content))
+        return summary_of(first, quantities, columns[STATUS], *moved)
 
     return held
 
@@ -62,7 +62,7 @@ def dataset(plan: Plan, folder: Folder) -> Any:
     axes = [*design.methods, *design.grids]
     coordinates = {a.name: (a.name, list(a.values), {"units": units.get(a.name, "")}) for a in axes}
     drawn = [n for n in design.names if n not in coordinates]
-    names = [*drawn, *(each.label for each in plan.kept), STATUS]
+    names = [*drawn, *(each.label for each in plan.kept), STATUS, MOVED]
     variables = {
         name: (dims, columns[name].reshape(shape), {"units": units.get(name, "")}) for name in names
     }

@@ -7,7 +7,7 @@ import json
 import threading
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
@@ -19,15 +19,15 @@ from derive.diagnostics import ToolchainError
 from hamel.build import store
 from hamel.optional import library
 from hamel.sweep.artefact import unpacked
-from hamel.sweep.axes import NUMBER, STATUS
-from hamel.sweep.chunk import Chunk, cause, is_good, made
+from hamel.sweep.axes import MOVED, NUMBER, STATUS
+from hamel.sweep.chunk import Chunk, Move, cause, is_good, made
 from hamel.sweep.job import Job, Motions, of_payload
 from hamel.sweep.limits import REASONS
 from hamel.sweep.modes import ready
 from hamel.sweep.summary import Growing, of_json, summary
 
 JOB = "sweep"  # the kind of entry in the store
-MOVED = b"moved"  # what a file of rows says of all of them
+MOVES = b"moves"  # what a file of rows says of its first motions with another start
 
 _known: dict[str, tuple[Job, Any, str]] = {}
 _lock = threading.Lock()
@@ -51,7 +51,6 @@ class Answer:
     missing: bool = False
     count: int = 0
     failed: int = 0
-    moved: int = 0
     reasons: tuple[tuple[int, str], ...] = ()  # number of the motion, and why it failed
     seconds: float = 0.0  # in the worker
     note: str = ""  # what is worth saying about the worker
@@ -78,7 +77,6 @@ def work(task: Task) -> Answer:
         False,
         len(chunk.status),
         len(failed),
-        chunk.moved,
         tuple(reasons),
         time.perf_counter() - begin,
         note,
@@ -121,14 +119,14 @@ def remember(name: str, job: Job) -> str:
 
 
 def rows_file(chunk: Chunk) -> bytes:
-    """Rows as Parquet: number, what varied, what is kept, status."""
+    """Rows as Parquet: number, what varied, what is kept, status, whether the start is another."""
     arrow = library("pyarrow", "keeping rows")
     count = len(chunk.status)
     columns = {NUMBER: np.arange(chunk.first, chunk.first + count, dtype=np.int64)}
-    columns |= chunk.varied | chunk.kept | {STATUS: chunk.status}
+    columns |= chunk.varied | chunk.kept | {STATUS: chunk.status, MOVED: chunk.moved}
     sink = BytesIO()
     table = arrow.table({name: arrow.array(column) for name, column in columns.items()})
-    table = table.replace_schema_metadata({MOVED: str(chunk.moved)})
+    table = table.replace_schema_metadata({MOVES: json.dumps(chunk.moves)})
     parquet = library("pyarrow.parquet", "keeping rows")
     # numbers seldom repeat: no dictionary of them; zstd would save a tenth and take thrice as long
     how = {"compression": "snappy", "use_dictionary": False, "write_statistics": False}
@@ -136,10 +134,10 @@ def rows_file(chunk: Chunk) -> bytes:
     return sink.getvalue()
 
 
-def moved_in(content: bytes) -> int:
-    """In how many motions of such a file a held value had to give way."""
+def moves_in(content: bytes) -> list[Move]:
+    """In which motions of such a file a held value had to give way, the first of them."""
     parquet = library("pyarrow.parquet", "reading rows")
-    return int(parquet.read_schema(BytesIO(content)).metadata[MOVED])
+    return json.loads(parquet.read_schema(BytesIO(content)).metadata[MOVES])
 
 
 def columns_in(content: bytes) -> dict[str, np.ndarray]:
@@ -152,13 +150,20 @@ def columns_in(content: bytes) -> dict[str, np.ndarray]:
 Held = dict[str, Any]  # a summary file as JSON has it
 
 
-def summary_of(first: int, kept: dict[str, np.ndarray], status: np.ndarray, moved: int) -> Held:
+def summary_of(
+    first: int,
+    kept: dict[str, np.ndarray],
+    status: np.ndarray,
+    moved: np.ndarray,
+    moves: Sequence[Move],
+) -> Held:
     """Of some motions that follow each other."""
     statuses, counts = np.unique(status, return_counts=True)
     bad = np.flatnonzero(~is_good(status))[:REASONS]
     return {
         "count": len(status),
-        "moved": moved,
+        "moved": int(moved.sum()),
+        "moves": list(moves),
         "statuses": [[int(s), int(n)] for s, n in zip(statuses, counts)],
         "failures": [[first + int(k), int(status[k])] for k in bad],
         "columns": {name: summary(column, first).about() for name, column in kept.items()},
@@ -170,9 +175,11 @@ def all_of(parts: Iterable[Held]) -> Held:
     count = moved = 0
     statuses: Counter[int] = Counter()
     failures: list[list[int]] = []
+    moves: list[Move] = []
     columns: defaultdict[str, Growing] = defaultdict(Growing)
     for part in parts:
         count, moved = count + part["count"], moved + part["moved"]
+        moves = [*moves, *part["moves"]][:REASONS]
         statuses.update(dict(part["statuses"]))
         failures = sorted([*failures, *part["failures"]])[:REASONS]
         for name, column in part["columns"].items():
@@ -180,6 +187,7 @@ def all_of(parts: Iterable[Held]) -> Held:
     return {
         "count": count,
         "moved": moved,
+        "moves": moves,
         "statuses": sorted([k, n] for k, n in statuses.items()),
         "failures": failures,
         "columns": {name: column.summary().about() for name, column in columns.items()},
@@ -188,7 +196,8 @@ def all_of(parts: Iterable[Held]) -> Held:
 
 def summary_file(chunk: Chunk) -> bytes:
     """A chunk without its rows."""
-    return written(summary_of(chunk.first, chunk.kept, chunk.status, chunk.moved))
+    moved = chunk.moved, chunk.moves
+    return written(summary_of(chunk.first, chunk.kept, chunk.status, *moved))
 
 
 def written(held: Held) -> bytes:

@@ -16,13 +16,13 @@ from derive.diagnostics import ModelError, counted
 from derive.robots import RobotFile
 from hamel.engines import check_engine, engine
 from hamel.optional import library
-from hamel.records import KeptColumn, Swept
+from hamel.records import KeptColumn, MovedStart, Swept
 from hamel.show import number, table
 from hamel.sweep.chunk import cause
 from hamel.sweep.drive import driven
 from hamel.sweep.folder import Folder
 from hamel.sweep.limits import BARS
-from hamel.sweep.page import PAGE, page
+from hamel.sweep.page import PAGE, elsewhere, page
 from hamel.sweep.plan import Asked, Plan, planned
 from hamel.sweep.result import columns_of, dataset, held_of_rows, sensitivities
 from hamel.sweep.summary import QUANTILES, of_json
@@ -80,6 +80,10 @@ def run(path: str | PathLike[str], asked: Asked, by: Running) -> Swept:
         statuses={cause(status): n for status, n in known["statuses"]},
         reasons=tuple((k, cause(status)) for k, status in known["failures"]),
         moved=int(known["moved"]),
+        moves=tuple(
+            MovedStart(k, name, plan.units.get(name, ""), given, used)
+            for k, name, given, used in known["moves"]
+        ),
         kept=_columns(plan, known),
         sensitivities=indices,
         engine=result.about,
@@ -114,8 +118,9 @@ def _columns(plan: Plan, known: Held) -> tuple[KeptColumn, ...]:
 
 
 def _commands(path: str | PathLike[str], plan: Plan, known: Held) -> dict[str, str]:
-    """By number: what makes the motions at the ends, and those that failed, again."""
-    numbers = {k for k, _ in known["failures"]}
+    """By number: what makes the motions at the ends, and the first of those that failed or begin
+    elsewhere, again."""
+    numbers = {k for k, *_ in (*known["failures"], *known["moves"])}
     for each in plan.kept:
         of = of_json(known["columns"][each.label])
         numbers |= {k for _, k in (*of.lowest[:3], *of.highest[:3])}
@@ -185,8 +190,7 @@ def show(record: Swept, console: Console) -> None:
         shown = ", ".join(f"{n} {number(f)} (total {number(t)})" for n, f, t in order)
         console.print(f"Sobol indices of {name}: {shown}")
     if record.moved:
-        moved = counted(record.moved, "motion")
-        console.print(f"  held initial values had to give way in {moved}")
+        console.print(f"  {elsewhere(record)}")
     if record.failed:
         console.print(f"  {counted(record.failed, 'motion')} failed:")
         for status, count in _failed(record.statuses).items():

@@ -524,6 +524,39 @@ def test_values_that_had_to_give_way_are_counted_with_rows_and_without(tmp_path:
     assert rows.moved == less.moved == 3
 
 
+DOME = """
+model: dome_of_a_sweep
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {R: 0.7 m, m: 0.4 kg}
+bodies: {p: {mass: m}}
+joints: {fly: {type: point, parent: ground, child: p, coordinates: [x, y]}}
+constraints: {dome: {holonomic: "sqrt(x^2 + y^2) - R"}}
+outputs: {N: reaction.dome}
+events: {off: {formula: N, direction: falling, stop: true}}
+initial: {x: 0.07 m, guess: {y: 0.7 m}}
+"""
+
+
+@pytest.mark.slow
+def test_a_start_that_is_not_possible_is_told_of_motions_that_an_event_stops(
+    tmp_path: Path,
+) -> None:
+    """At 0.9 m there is no dome of 0.7 m: which row it is, and where it begins instead."""
+    (tmp_path / "dome.yaml").write_text(DOME)
+    given: dict[str, Any] = {"vary": {"x": "0.5, 0.9, 0.8"}, "keep": ["at(x, 0)"], "time": 1.0}
+    rows = hamel.sweep(tmp_path / "dome.yaml", out=tmp_path / "rows", **given)
+    less = hamel.sweep(tmp_path / "dome.yaml", out=tmp_path / "less", reduce=True, **given)
+    assert rows.moved == less.moved == 2 and rows.moves == less.moves
+    data = rows.to_xarray()
+    assert data.moved.values.tolist() == [False, True, True]
+    first = rows.moves[0]
+    assert (first.motion, first.name, first.unit, first.given) == (1, "x", "m", 0.9)
+    assert first.used == pytest.approx(float(data["at(x, 0)"][1]))
+    text = (tmp_path / "rows" / "sweep.html").read_text()
+    assert "2 motions begin elsewhere" in text and rows.commands["2"] in text.replace("&#39;", "'")
+
+
 def test_places_that_are_no_folders(place: Path, record: Swept) -> None:
     """Reduced sweeps, too; a file:// address is a folder; half-written files do not count."""
     pytest.importorskip("fsspec")

@@ -10,7 +10,7 @@ import numpy as np
 
 
 class Status(enum.IntEnum):
-    """How a motion ended; the numbers are those of the C functions."""
+    """How a motion ended; the numbers are those of the C functions; HELD is known here alone."""
 
     OK = 0
     SINGULAR = 1
@@ -26,6 +26,7 @@ class Status(enum.IntEnum):
     EVENT = 11
     FULL = 12
     JUMP = 13
+    HELD = 15  # 14 is that of inaccurate steps
 
     @property
     def cause(self) -> str:
@@ -52,6 +53,8 @@ _CAUSES = {
     Status.FULL: "too many events",
     Status.JUMP: "a constraint jumps here, as where a rope comes off its pulley, an angle goes on "
     "by a turn or a prescribed velocity becomes another at once: the motion has no way on",
+    Status.HELD: "forces jump here and hold the motion, as dry friction by sign does where it "
+    "sticks: no step is short enough to follow them",
 }
 
 

@@ -12,6 +12,7 @@ from derive.model.records import Model, Span
 
 SHARP = {"step": 1, "ramp": 1, "clip": 3, "piecewise": 32}  # arguments without a width
 SWITCHING = SHARP | {"sign": 1, "abs": 1, "min": 16, "max": 16}
+JUMPING = frozenset({"sign", "step", "piecewise"})
 MOVING = ("definitions", "constraints", "loads", "states", "kinetic", "potential")
 
 
@@ -31,6 +32,15 @@ def pieces(model: Model) -> tuple[Piece, ...]:
         Piece(call, owner, span)
         for call, owner, span in _calls(model)
         if call.function in tables or _counts(call, SHARP)
+    )
+
+
+def jumps(model: Model) -> tuple[Piece, ...]:
+    """The calls of `pieces`, and signs, whose value may jump."""
+    return tuple(
+        Piece(call, owner, span)
+        for call, owner, span in _calls(model)
+        if call.function in JUMPING and _counts(call, SWITCHING)
     )
 
 

@@ -19,6 +19,9 @@ BUDGET = {  # steps between two looks at progress and interrupts
     "ctypes": 5000,
     "numpy": 50,
 }
+# A motion that is held at a jump of forces: of so many steps more than this part is rejected, and
+# all cover less than that part of the time. The whole would take 10¹⁰ steps at this pace.
+LOOKED_AT, REJECTED, COVERED = 200_000, 0.1, 2e-5
 Rows = dict[str, np.ndarray]
 
 
@@ -102,6 +105,11 @@ class Course:
         given = (self.state, times, self.u, self.p, *by.tolerances, budget)
         return Status(by.backend.advance(*given, *out.values(), **further))
 
+    @property
+    def reached(self) -> tuple[int, int, float]:
+        """Steps, those that were rejected, and the time."""
+        return self.tried, int(self.state["rejected"][0]), self.time
+
     def here(self) -> Rows:
         """The row of where it is."""
         row = self.by.facts.rows_to_come(1)
@@ -118,6 +126,7 @@ class Single:
         u = by.facts.array(len(by.facts.inputs))
         self.by, self.log, self.start = by, Log(), float(start)
         self.course = Course(by, by.states(start, x), u, p, buffers=buffers)
+        self.before = self.course.reached  # at the last look at its pace
         if by.facts.inputs:
             self.course.state["inputs"] = by.feed.address if by.feed else 0
 
@@ -132,7 +141,17 @@ class Single:
                 status = self.log.emptied(course.buffers, 0, 0, status)
             if by.progress is not None:
                 by.progress(course.time - self.start)
+            if status == Status.MORE and self.is_held(float(times[-1]) - self.start):
+                return Status.HELD
         return status
+
+    def is_held(self, span: float) -> bool:
+        """Whether the motion stands still at a jump of forces, looked at now and then."""
+        tried, rejected, t = (now - before for now, before in zip(self.course.reached, self.before))
+        if not self.by.facts.lengths["kinks"] or tried < LOOKED_AT:
+            return False
+        self.before = self.course.reached
+        return rejected > REJECTED * tried and t < COVERED * span
 
     def ended(self, t: np.ndarray, out: Rows, status: Status) -> tuple[np.ndarray, Rows]:
         """Rows up to an event that stopped the motion, and one there."""

@@ -27,10 +27,11 @@ def check_kinks(method: Method, model: Model) -> None:
         )
     if not kinks or method.integrator != SERIES:
         return
-    message = f"{SERIES} takes the series of one piece for the whole step: {_said(kinks[0])}"
+    message = f"{SERIES} takes the series of one piece for the whole step: {said(kinks[0])}"
     raise AssumptionError(model.diagnostic(kinks[0].span, message, ADVICE))
 
 
-def _said(piece: Piece) -> str:
+def said(piece: Piece) -> str:
+    """The call, and the entry that it is in."""
     where = f" in '{piece.owner}'" if piece.owner else ""
     return f"{piece.call.function}(){where}"

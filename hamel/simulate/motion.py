@@ -15,9 +15,11 @@ from codegen.runtime.simulation import Simulation, Status
 from derive.choices.survey import survey_of
 from derive.diagnostics import NO_VALUE, AssumptionError, listed
 from derive.expressions.tree import ZERO
+from derive.model.kinks import jumps
 from derive.model.records import Model
 from hamel.progress import paced
 from hamel.simulate.inputs import Changes
+from hamel.simulate.kinks import said
 from hamel.simulate.libraries import Problem, library_of
 from hamel.simulate.limits import BELOW, FINEST, LOOKED_BACK, LOST, MOST_STEPS, SLOWER, STANDING
 
@@ -35,6 +37,11 @@ MEET = (
     "constraints depend on each other there, and branches of the motion meet: no choice of "
     "quasi-velocities is regular. Other steps, by another rtol or fewer rows (--step), may show "
     "the way across; an event with `stop: true` may end the motion before"
+)
+
+SMOOTH = (
+    "a force that changes smoothly: tanh(v/eps) in place of sign(v), with eps a speed that counts "
+    "as rest; step(x, eps) in place of step(x)"
 )
 
 # what helps where no choice was made
@@ -207,6 +214,10 @@ def _refusal(
         return Final(str(error))
     if status is Status.JUMP:
         return Final(str(error), "an event with `stop: true` may end the motion before")
+    # without constraints only the stages of implicit steps may not converge
+    unfollowed = status is Status.NOT_CONVERGED and not equations.system.rows
+    if status is Status.HELD or (unfollowed and jumps(equations.system.model)):
+        return _held(error, equations.system.model)
     pulled = _over_pulleys(equations.system.model)
     if status is Status.NOT_FINITE and pulled:
         hint = (
@@ -226,6 +237,15 @@ def _refusal(
         finest = f"an rtol of {FINEST:g} is about the finest that can be checked"
         hint += f"; across a singular position {finest}"
     return AssumptionError(str(error), hint)
+
+
+def _held(error: FloatingPointError, model: Model) -> Final:
+    """With the formulas that may jump, at the first of them."""
+    found = jumps(model)
+    if not found:
+        return Final(str(error), SMOOTH)
+    named = listed(dict.fromkeys(said(piece) for piece in found))
+    return Final(model.diagnostic(found[0].span, f"{error} ({named})", SMOOTH))
 
 
 def _branches_meet(error: FloatingPointError, equations: Equations, start: Start) -> bool:

@@ -25,6 +25,8 @@ Move = tuple[int, str, float, float]  # motion, name, what was given, what is us
 
 NOT_ASSEMBLED, INADMISSIBLE = 100, 101
 CAUSES = {
+    int(Status.MORE): "a million steps were not enough: it is stiff, which `--integrator radau` is "
+    "for, or forces jump and hold it, as dry friction by sign does where it sticks",
     NOT_ASSEMBLED: "it cannot be assembled: no state near the initial values satisfies the "
     "constraints",
     INADMISSIBLE: "a mass or moment of inertia is negative, or a value is not finite",

@@ -149,6 +149,15 @@ def test_a_motion_held_at_a_jump_goes_on(module: ModuleType) -> None:
 
 
 @WITH_COMPILER
+def test_a_motion_held_for_good_ends(module: ModuleType) -> None:
+    """The spring is weaker than friction where it comes to rest: 10⁹ steps would not be enough."""
+    with pytest.raises(module.Stopped, match="forces jump here and hold the motion") as caught:
+        module.simulate([0.0, 9.0], [1.0, 0.0], p=[0.0, 0.3], max_steps=5 * 10**6)
+    part = caught.value.partial
+    assert part.status == module.Status.HELD and part.steps + part.rejected < 500_000
+
+
+@WITH_COMPILER
 def test_rows_inputs_and_events_at_a_kink(module: ModuleType) -> None:
     """A row, a knot of a table and an event stand where the kink does."""
     p, start, _, _ = BENT

@@ -66,3 +66,30 @@ def test_a_tolerance_beyond_rounding_is_noted(tmp_path: Path) -> None:
     path.write_text(RACER)
     with pytest.warns(RuntimeWarning, match="1e-17 is finer than float64 can hold: 1e-15 is used"):
         hamel.simulate(path, time=0.1, step=0.1, rtol=1e-17)
+
+
+STUCK = """
+model: stuck_by_a_sign
+plane: xy
+parameters: {m: 2 kg, k: 50 N/m, F: 3 N}
+bodies: {b: {mass: m}}
+joints: {r: {type: prismatic, parent: ground, child: b, axis: x, coordinate: x}}
+loads:
+  s: {type: spring, joint: r, stiffness: k}
+  f: {type: expression, joint: r, expression: -F*sign(der(x))}
+initial: {x: 1 m}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", ["dop853", "verner9", "radau", "rosenbrock"])
+def test_dry_friction_that_sticks_ends_with_the_formula_that_jumps(
+    integrator: str, tmp_path: Path
+) -> None:
+    """It went on, by steps of 1e-11 s, for the rest of the 8 s."""
+    (tmp_path / "model.yaml").write_text(STUCK)
+    with pytest.raises(AssumptionError) as caught:
+        hamel.simulate(tmp_path / "model.yaml", time=8.0, integrator=integrator)
+    found = caught.value.diagnostics[0]
+    assert found.line == 9 and "dry friction by sign" in found.message
+    assert "sign() in 'f'" in found.message and "tanh(v/eps)" in found.expected

@@ -194,6 +194,9 @@ class Single:
         error = callback.error if callback else None
         where = f"{self.by.facts.name}.simulate stopped at t = {self.course.time!r}"
         cause = self.by.facts.cause(found.status, int(self.course.state["enforcement"][0]))
+        if found.status == Status.FULL and found.events is not None:
+            name, count = found.events.most
+            cause += f" ({name!r} happened {count} times, of {found.events.t.size} in all)"
         raise Stopped(f"{where}: {cause}{because(error)}", found) from error
 
 

@@ -50,7 +50,8 @@ _CAUSES = {
     Status.NO_EVENT: "an event could not be looked for: its function failed, or gave what is not "
     "finite",
     Status.EVENT: "stopped by an event",
-    Status.FULL: "too many events",
+    Status.FULL: "too many events: a formula stays at zero or chatters about it, as where "
+    "something sticks or bounces to rest",
     Status.JUMP: "a constraint jumps here, as where a rope comes off its pulley, an angle goes on "
     "by a turn or a prescribed velocity becomes another at once: the motion has no way on",
     Status.HELD: "forces jump here and hold the motion, as dry friction by sign does where it "
@@ -74,6 +75,12 @@ class Events:
         mine = self.which == self.names.index(name)
         row = None if self.row is None else self.row[mine]
         return Events(self.names, self.t[mine], self.x[mine], self.which[mine], row)
+
+    @property
+    def most(self) -> tuple[str, int]:
+        """The name that happened most often, and how often."""
+        counts = np.bincount(self.which, minlength=len(self.names))
+        return self.names[int(counts.argmax())], int(counts.max())
 
 
 @dataclass(frozen=True)

@@ -214,6 +214,8 @@ def _refusal(
         return Final(str(error))
     if status is Status.JUMP:
         return Final(str(error), "an event with `stop: true` may end the motion before")
+    if status is Status.FULL:
+        return Final(str(error), _chattering(equations.system.model))
     # without constraints only the stages of implicit steps may not converge
     unfollowed = status is Status.NOT_CONVERGED and not equations.system.rows
     if status is Status.HELD or (unfollowed and jumps(equations.system.model)):
@@ -237,6 +239,16 @@ def _refusal(
         finest = f"an rtol of {FINEST:g} is about the finest that can be checked"
         hint += f"; across a singular position {finest}"
     return AssumptionError(str(error), hint)
+
+
+def _chattering(model: Model) -> str:
+    """What helps where an event happens without end."""
+    hint = (
+        "an event whose formula leaves zero again, one with `stop: true`, which ends the motion "
+        "there, or a shorter time"
+    )
+    forces = [said(piece) for piece in jumps(model)]
+    return f"{hint}; where {listed(forces)} holds the motion, {SMOOTH}" if forces else hint
 
 
 def _held(error: FloatingPointError, model: Model) -> Final:

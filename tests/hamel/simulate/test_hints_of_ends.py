@@ -93,3 +93,15 @@ def test_dry_friction_that_sticks_ends_with_the_formula_that_jumps(
     found = caught.value.diagnostics[0]
     assert found.line == 9 and "dry friction by sign" in found.message
     assert "sign() in 'f'" in found.message and "tanh(v/eps)" in found.expected
+
+
+@pytest.mark.slow
+def test_an_event_without_end_is_named(tmp_path: Path) -> None:
+    """The rate is zero where the mass sticks; no load is without a value."""
+    text = STUCK.replace("stuck_by_a_sign", "stuck_with_an_event")
+    (tmp_path / "model.yaml").write_text(f"{text}events: {{rest: der(x), far: x - 5 m}}\n")
+    with pytest.raises(AssumptionError, match="'rest' happened 100") as caught:
+        hamel.simulate(tmp_path / "model.yaml", time=8.0)
+    hint = caught.value.diagnostics[0].hint
+    assert "leaves zero again" in hint and "where sign() in 'f' holds the motion" in hint
+    assert "no value" not in hint

@@ -45,15 +45,21 @@ def _slopes(equations: Equations) -> np.ndarray:
     _, x, *_ = (argument.symbols for argument in equations.arguments)
     f = equations.function("dynamics").result.value
     value = ca.vertcat(position_rows(system), f)
+    slopes = evaluator(equations, ca.jacobian(value, x))(*sampled_rows(equations))
+    sizes = _in_own_units(equations, np.abs(slopes))
+    scale = np.max(sizes, axis=2, keepdims=True, initial=0.0)
+    return np.any(sizes[:, :, : system.q.numel()] > NOTHING * (LEAST_SCALE + scale), axis=0)
+
+
+def sampled_rows(equations: Equations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x, u and p of random admissible states, in rows."""
+    system = equations.system
     B = ca.Function("B", [system.t, system.q, system.p], [ca.densify(_speed_rows(equations))])
     sampled = states(system, CYCLIC_SAMPLES, seed=1)
     w = [np.asarray(B(0.0, q, p)) @ v for q, v, p in zip(sampled.q, sampled.v, sampled.p)]
     own, z = np.split(sampled.p, [len(system.own_parameters)], axis=1)
-    at = np.hstack([sampled.q, np.array(w).reshape(len(sampled.q), -1), z])
-    slopes = evaluator(equations, ca.jacobian(value, x))(at, sampled.u, own)
-    sizes = _in_own_units(equations, np.abs(slopes))
-    scale = np.max(sizes, axis=2, keepdims=True, initial=0.0)
-    return np.any(sizes[:, :, : system.q.numel()] > NOTHING * (LEAST_SCALE + scale), axis=0)
+    x = np.hstack([sampled.q, np.array(w).reshape(len(sampled.q), -1), z])
+    return x, sampled.u, own
 
 
 def _in_own_units(equations: Equations, slopes: np.ndarray) -> np.ndarray:

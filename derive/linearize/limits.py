@@ -10,6 +10,7 @@ CRITICAL_STEPS = 100  # of a bisection, at most: a double has 53 bits
 # of a derivative, in the model's own units, where it is small at all sampled states
 LEAST_SCALE = 1e-3
 CYCLIC_SAMPLES = 5  # random states at which a derivative has to vanish
+CANCELLED = 1e-13  # of the largest derivative of all rows: what rounding leaves in the others
 NOTHING = 1e-8  # relative size of a derivative that counts as zero at random states
 
 # discrete

@@ -31,6 +31,7 @@ from derive.linearize.limits import (
 )
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Steady
+from derive.linearize.turned import turned
 from derive.linearize.turning import rates_of_angles
 from derive.mechanics.records import System
 from derive.model.records import Span, SteadyMotion
@@ -236,7 +237,26 @@ def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
             break
     if motions:
         return min(motions, key=lambda motion: motion[0])[1]
-    raise problem or AssertionError
+    raise _turned(found, p, s) or problem or AssertionError
+
+
+def _turned(found: Problem, p: np.ndarray, s: np.ndarray) -> AssumptionError | None:
+    """Why no motion is steady in these quasi-velocities, where the motion that is asked for turns
+    their axes."""
+    equations, motion = found.equations, found.motion
+    if motion.name == GUESS and not motion.values:  # it may be asked for at rest
+        return None
+    cyclic = {*range(equations.system.q.numel())} - {*found.still}
+    why = turned(equations, cyclic, np.concatenate([next(starts(found, p, s)), p]))
+    if why is None:
+        return None
+    are = "is along an axis" if len(why.speeds) == 1 else "are along axes"
+    message = (
+        f"'{motion.name}' is no steady motion in the quasi-velocities of '{equations.choice}': "
+        f"{listed(why.speeds)} {are} that turn with {why.coordinate}, and cannot be constant"
+    )
+    advice = f"others, such as quasi_velocities: {{rates: [{', '.join(why.instead)}]}}"
+    return AssumptionError(equations.system.model.diagnostic(motion.span, message, advice))
 
 
 def _strayed(found: Problem, guess: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Linear equations along steady motions: published digits, closed forms, and the bookkeeping of
 zeros.
 
-Of derive.linearize: cyclic, limits, records, turning.
+Of derive.linearize: turned, cyclic, limits, records, turning.
 Of hamel.linear: figure, limits, page, plots, ranges, sweep, words.
 """
 
@@ -785,15 +785,58 @@ SAID = "steady_motion: {sleep: {a: 0, b: 0, j.wz: 60, cyclic: [c]}}\n"
 RATES = "quasi_velocities: {euler: [der(a), der(b), der(c)]}"
 
 
+ROLLING = """
+model: rolling_tyre
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {m: 10 kg, J: 0.4 kg*m^2, r: 0.2 m, c: 3 N*s/m}
+bodies: {wheel: {mass: m, inertia: J}}
+joints: {sus: {type: planar, parent: ground, child: wheel, coordinates: [x, y, a]}}
+loads:
+  tyre: {type: contact, body: wheel, shape: {wheel: {radius: r}}, plane: {normal: [0, 1]},
+         stiffness: 1e5 N/m, damping: 0.5 s/m, smoothing: 1 mm/s,
+         tyre: {longitudinal: {pacejka: [10, 1.5, 1.0, 0.2]}}}
+  air: {type: damper, coordinate: x, coefficient: c}
+  drive: {type: torque, body: wheel, components: -T}
+inputs: {T: {unit: N*m}}
+initial: {x: 0 m, y: 0.199 m, sus.vx: 4 m/s, sus.w: -20 rad/s}
+steady_motion: {roll: {der(x): 4 m/s, T: free, guess: {y: 0.199 m, sus.w: -20.1 rad/s}}}
+"""
+
+
+def test_axes_that_turn_with_a_wheel_are_told_with_what_to_declare(tmp_path):
+    """Nothing depends on the angle but the axes of sus.vx and sus.vy; it was der(x) that missed."""
+    path = tmp_path / "tyre.yaml"
+    path.write_text(ROLLING)
+    with pytest.raises(
+        AssumptionError, match="sus_vx, sus_vy are along axes that turn with a"
+    ) as e:
+        hamel.linearize(path)
+    declared = "quasi_velocities: {rates: [der(x), der(y), der(a)]}"
+    assert declared in str(e.value)
+    path.write_text(f"{ROLLING}{declared}\n")
+    assert {"x", "a"} <= {*hamel.linearize(path).cyclic}
+
+
+def test_a_wheel_at_rest_is_refused_for_what_it_misses(tmp_path):
+    """No axis turns where the wheel does not: it cannot hang in the air."""
+    path = tmp_path / "tyre.yaml"
+    held = "steady_motion: {hang: {y: 1 m, guess: {sus.w: 0 rad/s}}}"
+    path.write_text(ROLLING.replace("rolling_tyre", "hanging_tyre").partition("steady")[0] + held)
+    with pytest.raises(AssumptionError) as told:
+        hamel.linearize(path)
+    assert "'hang' is no steady motion" in str(told.value) and "axes" not in str(told.value)
+
+
 @pytest.mark.parametrize(
     ("steady", "problem"),
-    [(HELD, r"der\(c\) would have to vanish"), (SAID, "'c' is not cyclic")],
+    [(HELD, "j_wx, j_wy are along axes that turn with c"), (SAID, "'c' is not cyclic")],
 )
 def test_a_body_that_turns_by_its_angles_wants_their_rates(steady, problem, tmp_path):
     path = tmp_path / "top.yaml"
     path.write_text(EULER_TOP + steady)
     with pytest.raises(AssumptionError, match=problem) as told:
         hamel.linearize(path)
-    assert RATES in str(told.value)
+    assert "[der(a), der(b), der(c)]}" in str(told.value)
     path.write_text(EULER_TOP + steady + RATES)
     assert "c" in hamel.linearize(path).cyclic

@@ -314,7 +314,8 @@ def linearize(
     eigenvalues.
 
     `sweep` gives ranges "first:last:count" of one or two names, `values` the free names and
-    parameters that stay as they are. `cyclic` names the coordinates to leave out of the
+    parameters that stay as they are, and coordinates and velocities that the search starts from.
+    `cyclic` names the coordinates to leave out of the
     eigenvalues, all cyclic ones when None. The page goes to `out`. With a `step` (s) the record
     holds the equations in discrete time too.
     """

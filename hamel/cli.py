@@ -563,7 +563,8 @@ def sweep(
     "settings",
     multiple=True,
     metavar="NAME=VALUE",
-    help="A free name or parameter; may be repeated.",
+    help="A free name or parameter, or where the search starts (a coordinate or velocity); may be "
+    "repeated.",
 )
 @click.option(
     "-o",

@@ -313,7 +313,8 @@ def starts(found: Problem, p: np.ndarray, s: np.ndarray) -> Iterator[np.ndarray]
     given = found.given(p, s) | {name: _number(found, e, p) for name, e in motion.guesses}
     free = np.array([c.name not in dict(motion.values) for c in system.model.coordinates])
     if motion.name == GUESS and not motion.values:
-        initial = initial_state(system, p=p)
+        changes = {name: _number(found, e, p) for name, e in motion.guesses}
+        initial = initial_state(system, changes, p)
         q, spreads = initial.q, (0.0, *BESIDE)
         _check_attitude(found, q, p)
         yield _state(found, given, q, initial.v, p)
@@ -535,8 +536,11 @@ def _refused(found: Problem, R: np.ndarray, excess: np.ndarray, s: np.ndarray) -
     missed = f"is missed by {R[k]:.3g}{unit}"
     if found.rows[k].startswith("der(") and found.rows[k] not in dict(motion.values):
         missed = f"would have to vanish and is {R[k]:.3g}{unit}"
+    guesses = "other guesses (`guess:` of the motion, or --set)"
+    if motion.name == GUESS and not motion.values:
+        guesses = "other guesses (`initial:` of the file, or --set)"
     advice = (
-        "held values that can be kept for ever; other guesses, an input that is `free`, "
+        f"held values that can be kept for ever; {guesses}, an input that is `free`, "
         "or another --choice"
     )
     if found.equations.system.quaternions:

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from derive.diagnostics import ModelError, did_you_mean, listed
-from derive.expressions.tree import Name
+from derive.expressions.tree import Expression, Name, Number
 from hamel.linear.limits import COUNT, MOST
 from hamel.settings import parsed, settings, units
 
@@ -56,6 +56,23 @@ def values(
     """All of them by name, in SI. Raises ModelError for a name that is neither free in the motion
     nor a parameter, and for what is no finite number."""
     return {name: value(model, motion, name, text) for name, text in given.items()}
+
+
+def started(
+    model: Model, motion: SteadyMotion, given: Mapping[str, float | str]
+) -> tuple[SteadyMotion, dict[str, float | str]]:
+    """The motion with its search started from the initial values among those `given`, and the
+    others of these. What the motion holds is no start. Raises ModelError."""
+    moving = (*model.coordinates, *model.velocities, *model.speeds, *model.states)
+    names = {x.name for x in moving} | {f"der({c.name})" for c in model.coordinates}
+    names -= {*motion.sweepable, *dict(motion.values), *motion.free}
+    starts = {name: text for name, text in given.items() if "".join(name.split()) in names}
+    if not starts:
+        return motion, dict(given)
+    guesses: dict[str, Expression] = dict(motion.guesses)
+    guesses |= {name: Number(x) for name, x in settings(model, starts).initial.items()}
+    others = {name: text for name, text in given.items() if name not in starts}
+    return replace(motion, guesses=tuple(guesses.items())), others
 
 
 def ranges(model: Model, motion: SteadyMotion, given: Mapping[str, str]) -> tuple[Range, ...]:

@@ -29,7 +29,7 @@ from hamel.build.files import write_text
 from hamel.build.stages import equations_of
 from hamel.linear.limits import BENDS, BESIDE, ON_KINK, SAME
 from hamel.linear.page import page
-from hamel.linear.ranges import ranges, values
+from hamel.linear.ranges import ranges, started, values
 from hamel.linear.sweep import Sweep, swept
 from hamel.linear.words import course, shape, unstable_ranges
 from hamel.records import CriticalValue, Linearized, ModeOf, UnreducedForm
@@ -67,7 +67,8 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
         raise ModelError(f"{len(sweep)} names are swept", "one, or two for a map")
     clock = Clock()
     equations = based(equations_of(path, options.choice, clock=clock, check=check_still))
-    model, motion = equations.system.model, motion_of(equations, options.at)
+    model = equations.system.model
+    motion, given = started(model, motion_of(equations, options.at), options.given)
     wanted = ranges(model, motion, sweep)
     with clock("linearize"):
         middles = {
@@ -75,9 +76,7 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
             for r in wanted
             if r.name in motion.sweepable
         }
-        result = study(
-            equations, motion, middles | values(model, motion, options.given), options.cyclic
-        )
+        result = study(equations, motion, middles | values(model, motion, given), options.cyclic)
     _warn_of_kinks(result)
     with clock("sweep"):
         outcome = swept(result, wanted)

@@ -818,6 +818,32 @@ def test_axes_that_turn_with_a_wheel_are_told_with_what_to_declare(tmp_path):
     assert {"x", "a"} <= {*hamel.linearize(path).cyclic}
 
 
+BALL = """
+model: ball_on_floor
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {m: 0.3 kg, k: 2e4 N/m, d: 0.2 s/m}
+bodies: {ball: {mass: m}}
+joints: {fly: {type: point, parent: ground, child: ball, coordinates: [x, y]}}
+loads: {floor: {type: contact, body: ball, plane: {normal: [0, 1]}, stiffness: k, damping: d}}
+initial: {y: 1 m}
+"""
+
+
+def test_initial_values_that_are_set_are_where_the_search_starts(tmp_path):
+    """From 1 m the ball never feels the floor; what the file holds cannot be set so."""
+    path = tmp_path / "ball.yaml"
+    path.write_text(BALL)
+    with pytest.raises(AssumptionError, match="`initial:` of the file, or --set"):
+        hamel.linearize(path)
+    found = hamel.linearize(path, values={"y": "-0.1 mm", "m": 0.4})
+    assert found.steady["y"] == pytest.approx(-0.4 * 9.81 / 2e4)
+    path.write_text(f"{BALL}steady_motion: {{lie: {{x: 0 m}}}}\n")
+    assert hamel.linearize(path, values={"y": -1e-4}).steady["y"] == pytest.approx(-1.4715e-4)
+    with pytest.raises(ModelError, match="'x' is neither free in the steady motion 'lie' nor"):
+        hamel.linearize(path, values={"x": 1.0})
+
+
 def test_a_wheel_at_rest_is_refused_for_what_it_misses(tmp_path):
     """No axis turns where the wheel does not: it cannot hang in the air."""
     path = tmp_path / "tyre.yaml"

@@ -13,15 +13,17 @@ from derive.linearize.turning import rates_of_angles
 from derive.states.sampling import states
 from derive.states.scales import scales
 
+Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # x, u and p of states
 
-def cyclic_coordinates(equations: Equations) -> tuple[int, ...]:
+
+def cyclic_coordinates(equations: Equations, at: Rows | None = None) -> tuple[int, ...]:
     """Indices in q, the largest such set, from the derivatives of φ, q̇ and ẇ at random admissible
-    states.
+    states, and `at` further ones: where forces are in pieces others may not touch.
 
     Derivatives rather than formulas: in good quasi-velocities a wheel's angle cancels, though it
     may be written in f.
     """
-    slopes = _slopes(equations)
+    slopes = _slopes(equations, at)
     nq, fixed = (
         equations.system.q.numel(),
         equations.system.phi.numel() + len(equations.system.quaternions),
@@ -39,19 +41,21 @@ def cyclic_coordinates(equations: Equations) -> tuple[int, ...]:
         cyclic -= lost
 
 
-def _slopes(equations: Equations) -> np.ndarray:
+def _slopes(equations: Equations, at: Rows | None) -> np.ndarray:
     """Which of (φ, q̇, ẇ) depend on which coordinate: flags."""
     system = equations.system
     _, x, *_ = (argument.symbols for argument in equations.arguments)
     f = equations.function("dynamics").result.value
     value = ca.vertcat(position_rows(system), f)
-    slopes = evaluator(equations, ca.jacobian(value, x))(*sampled_rows(equations))
+    rows = [sampled_rows(equations), *([at] if at else [])]
+    places = [np.concatenate(parts) for parts in zip(*rows)]
+    slopes = evaluator(equations, ca.jacobian(value, x))(*places)
     sizes = _in_own_units(equations, np.abs(slopes))
     scale = np.max(sizes, axis=2, keepdims=True, initial=0.0)
     return np.any(sizes[:, :, : system.q.numel()] > NOTHING * (LEAST_SCALE + scale), axis=0)
 
 
-def sampled_rows(equations: Equations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sampled_rows(equations: Equations) -> Rows:
     """x, u and p of random admissible states, in rows."""
     system = equations.system
     B = ca.Function("B", [system.t, system.q, system.p], [ca.densify(_speed_rows(equations))])
@@ -80,11 +84,12 @@ def _speed_rows(equations: Equations) -> ca.SX:
     return equations.term("B")
 
 
-def confirmed(equations: Equations, names: tuple[str, ...]) -> tuple[int, ...]:
-    """Indices in q of coordinates that are said to be cyclic. Raises AssumptionError where a name
-    is unknown or the equations depend on the coordinate."""
+def confirmed(
+    equations: Equations, names: tuple[str, ...], result: tuple[int, ...]
+) -> tuple[int, ...]:
+    """Indices in q of coordinates that are said to be cyclic, where `result` are. Raises
+    AssumptionError where a name is unknown or the equations depend on the coordinate."""
     known = [c.name for c in equations.system.model.coordinates]
-    result = cyclic_coordinates(equations)
     for name in names:
         if name not in known:
             raise AssumptionError(

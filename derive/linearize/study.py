@@ -143,11 +143,16 @@ def study(
     given = _settings(equations, motion, values or {})
     wanted = cyclic if cyclic is not None else motion.cyclic
     ignorable = cyclic_coordinates(equations)
-    left_out = ignorable if wanted is None else confirmed(equations, tuple(wanted))
+    left_out = _left_out(equations, wanted, ignorable)
     result = problem(equations, motion, ignorable)
     p = np.array([given[name] for name in equations.arguments[3].labels])
     s = np.array([given[name] for name in motion.sweepable])
     y = settled(result, p, s)
+    touched = _cyclic_there(equations, ignorable, y, p)
+    if touched != ignorable:
+        left_out = _left_out(equations, wanted, touched)
+        result = problem(equations, motion, touched)
+        y = settled(result, p, s)
     _check_rank(equations, motion, y, p)
     check_pivots(result, y, p)
     form = linear(equations, y[: equations.system.q.numel()], p)
@@ -195,6 +200,23 @@ def _check_rank(equations: Equations, motion: SteadyMotion, y: np.ndarray, p: np
             "elsewhere",
             "linear equations do not describe motions through it: guess or hold another one",
         )
+
+
+def _left_out(
+    equations: Equations, wanted: Sequence[str] | None, ignorable: tuple[int, ...]
+) -> tuple[int, ...]:
+    return ignorable if wanted is None else confirmed(equations, tuple(wanted), ignorable)
+
+
+def _cyclic_there(
+    equations: Equations, ignorable: tuple[int, ...], y: np.ndarray, p: np.ndarray
+) -> tuple[int, ...]:
+    """Which coordinates are cyclic at the motion, too: forces in pieces, as of a contact, may act
+    at none of the states that were looked at."""
+    if not any(request.name == "kinks" for request in equations.requests):
+        return ignorable
+    x, u = np.split(y, [equations.arguments[1].symbols.numel()])
+    return cyclic_coordinates(equations, (x[np.newaxis], u[np.newaxis], p[np.newaxis]))
 
 
 def _settings(

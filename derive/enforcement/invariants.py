@@ -13,8 +13,9 @@ import casadi as ca
 import numpy as np
 
 from derive.choices.survey import survey_of
-from derive.enforcement.limits import CONSERVED
+from derive.enforcement.limits import CONSERVED, TRIED
 from derive.enforcement.records import Enforcement, Options
+from derive.expressions.any_piece import on_any_piece
 from derive.formulations.manifold import keeps_velocities
 from derive.formulations.records import Equations, Function, Request, Result
 from derive.mechanics.solve import ldl_solution, scalars
@@ -58,6 +59,11 @@ def _refusal(equations: Equations, options: Options) -> str:
             f"{missing} is no invariant that could be held: energy, or a coordinate or "
             "generalized velocity with its momentum"
         )
+    if any(name == "energy" for name, _ in held) and _works_on_some_piece(equations):
+        return (
+            "energy is not conserved: where forces go on to another piece (a contact that is "
+            "touched, a limit that is reached) they take power"
+        )
     for name, value in held:
         rate = _relative_rate(equations, value, options)
         if rate > CONSERVED:
@@ -67,6 +73,18 @@ def _refusal(equations: Equations, options: Options) -> str:
                 f"{rate:.2g} of the rate of its parts"
             )
     return ""
+
+
+def _works_on_some_piece(equations: Equations) -> bool:
+    """Whether forces in pieces take power on one of them, which sampled states need not touch."""
+    power = ca.SX(equations.system.power)
+    freed = on_any_piece(power) if ca.symvar(power) else power
+    names = ca.vertcat(*ca.symvar(freed))
+    if names.numel() == ca.vertcat(*ca.symvar(power)).numel():
+        return False  # no pieces
+    values = np.random.default_rng(0).uniform(0.5, 1.5, size=(names.numel(), TRIED))
+    found = ca.Function("power", [names], [freed]).call([values])[0].full()
+    return bool(np.any(np.abs(found[np.isfinite(found)]) > 0.0))
 
 
 def _relative_rate(equations: Equations, value: ca.SX, options: Options) -> float:

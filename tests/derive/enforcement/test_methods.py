@@ -1,6 +1,7 @@
 """What single enforcements and integrators promise: refusals, invariants, singular positions,
 published digits, long runs.
 
+Of derive.expressions: any_piece.
 Of derive.enforcement: baumgarte, charts, feedback, invariants, limits, projection, rate, records.
 """
 
@@ -110,6 +111,30 @@ def test_momenta_are_held_where_they_are_conserved(tmp_path: Path) -> None:
         hamel.simulate(path, conserve=["x"], **given)
     with pytest.raises(AssumptionError, match="'nothing' is no invariant"):
         hamel.simulate(path, conserve=["nothing"], **given)
+
+
+FLOOR = """
+model: dropped
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies: {{ball: {{mass: 0.3 kg}}}}
+joints: {{fly: {{type: prismatic, parent: ground, child: ball, axis: y, coordinate: y}}}}
+loads: {{floor: {{type: contact, body: ball, plane: {{normal: [0, 1]}}, stiffness: 2e4 N/m{0}}}}}
+initial: {{y: 1 m}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("loss", "refused"), [(", damping: 0.2 s/m", True), ("", False)], ids=["lossy", "elastic"]
+)
+def test_energy_that_is_lost_at_a_contact_is_lost_though_no_sample_touches_it(
+    loss: str, refused: bool
+) -> None:
+    """Refused from some starts and taken from others: a ball that bounced back to its height."""
+    found = equations(system(load_text(FLOOR.format(loss))))
+    own = next(x for x in ENFORCEMENTS if x.name == "invariants")
+    why = own.refusal(found, Options())
+    assert ("energy is not conserved" in why) == refused
 
 
 # A pendulum in Cartesian coordinates relative to a sled that slides freely.

@@ -14,6 +14,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from derive.choices.few_rows import has_few_rows
 from derive.choices.locks import LOCK
 from derive.choices.named import carried_through
 from derive.choices.records import Guard
@@ -110,7 +111,8 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
     vanishes between them, is a reason, too: then a choice that is safe alone is a chart, too. Where
     none is, and no few are far from singular together, the orthonormal choice is the other chart:
     it goes wherever A has full rank. With more than DENSE quasi-velocities that choice takes many
-    times the operations, and partitions are the other charts all the same. Gimbal lock counts for
+    times the operations, and partitions are the other charts all the same; of chains that few rows
+    hold they are where they are far from singular together. Gimbal lock counts for
     nothing: it is one of the coordinates, in any choice.
     """
     guards = tuple(x for x in _at_frame(first, _guards(first)) if not x.name.startswith(LOCK))
@@ -129,21 +131,20 @@ def covered(first: Equations, survey: Survey, made: Callable[[str], Equations]) 
         return charted([first, made(alone[0])], survey) if turns else first
     names = _together_safe(here, {k: _margins(x, survey) for k, x in others.items()})
     if turns and _least_between(guards, [others[name] for name in names], survey) < ENOUGH:
-        if survey.freedom > DENSE:
-            return _by_partitions(first, guards, others, survey, made)
-        names = ["orthonormal"]
+        dense, few = survey.freedom > DENSE, has_few_rows(survey)
+        partitions, far = _partitions(guards, others, survey) if dense or few else ([], False)
+        if dense and not far:
+            found = charted([first, *map(made, partitions)], survey) if partitions else first
+            return _noted(found)
+        names = partitions if far else ["orthonormal"]
     return charted([first, *map(made, names)], survey) if names else first
 
 
-def _by_partitions(
-    first: Equations,
-    guards: tuple[Guard, ...],
-    others: dict[str, tuple[Guard, ...]],
-    survey: Survey,
-    made: Callable[[str], Equations],
-) -> Equations:
-    """With the partitions that are farthest from singular together over many states as charts, and
-    a word where that is not far."""
+def _partitions(
+    guards: tuple[Guard, ...], others: dict[str, tuple[Guard, ...]], survey: Survey
+) -> tuple[list[str], bool]:
+    """The partitions that are farthest from singular together over many states, and whether that is
+    far."""
     here = _margins(guards, survey, survey.many)
     margins = {name: _margins(them, survey, survey.many) for name, them in others.items()}
     names, together = _together(here, margins)
@@ -155,12 +156,13 @@ def _by_partitions(
             break
         margins[further.ranking.name] = _margins(_guards_of(further), survey, survey.many)
         names, together = _together(here, margins)
-    found = charted([first, *map(made, names)], survey) if names else first
-    if np.min(together) >= SAFE:
-        return found
+    return names, bool(np.min(together) >= SAFE)
+
+
+def _noted(found: Equations) -> Equations:
     said = (
         "no few partitions are far from singular everywhere, and the choice orthonormal, which is, "
-        f"takes many operations: where a pivot vanishes, {first.choice}{BETWEEN}orthonormal goes on"
+        f"takes many operations: where a pivot vanishes, {found.choice}{BETWEEN}orthonormal goes on"
     )
     return replace(found, assumptions=(*found.assumptions, said))
 

@@ -64,7 +64,7 @@ STRETCHED = 0.03  # of Kantorovich's quantity: about 1/2 at singular positions, 
 # few rows
 # velocities from which ẇ is looked for by Gauss's principle and the recursion, with rows of so many
 # of them at most
-MANY, FEW_ROWS = 10, 0.25
+MANY, FEW_ROWS = 10, 0.4
 # more quasi-velocities than this, held by at most so many rows, go that way without being compared:
 # with 22, of a chain held at its end, Sᵀ M S takes twice the operations, with 46 five times
 CUBIC, FEWEST_ROWS = 24, 6

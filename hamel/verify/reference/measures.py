@@ -15,7 +15,7 @@ import numpy as np
 from derive.model.named_frames import carrier
 from derive.model.records import GROUND, Joint, Measure, Model
 from hamel.verify.reference.jets import Jet, direction, dot, point
-from hamel.verify.reference.layout import Layout, layout
+from hamel.verify.reference.layout import layout
 from hamel.verify.reference.paths import length
 from hamel.verify.reference.states import State, placed
 from hamel.verify.reference.vectors import UNIT, Array
@@ -43,6 +43,43 @@ class Measured:
     moving: bool
 
 
+class _Seen:
+    """Points and axes at one state, each found once: three components of a position, and its rate,
+    are of the same points."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model, self.state, self.place = model, state, layout(model)
+        self._axes: dict[tuple[str, int], Jet] = {}
+        self._gaps: dict[tuple[str, str, int], Jet] = {}
+        self._seats: dict[str, tuple[str, Array, Array]] = {}
+
+    def seat(self, name: str) -> tuple[str, Array, Array]:
+        """The body of a frame, and where the frame sits in it."""
+        if name not in self._seats:
+            frame = carrier(self.model, name)
+            self._seats[name] = (frame.body, *placed(self.state, frame.at))
+        return self._seats[name]
+
+    def axis(self, name: str, k: int) -> Jet:
+        """e_k of a frame."""
+        if (name, k) not in self._axes:
+            body, _, turn = self.seat(name)
+            self._axes[name, k] = direction(self.place, self.state, body, turn[:, k])
+        return self._axes[name, k]
+
+    def gap(self, measure: Measure) -> Jet:
+        """r − r_f of a measure's point and the origin of the frame f it is seen from."""
+        key = (measure.frame, measure.relative, id(measure.point))
+        if key not in self._gaps:
+            here = self._origin(measure.frame, self.state.vector(measure.point))
+            self._gaps[key] = here - self._origin(measure.relative, np.zeros(3))
+        return self._gaps[key]
+
+    def _origin(self, name: str, inside: Array) -> Jet:
+        body, position, turn = self.seat(name)
+        return point(self.place, self.state, body, position + turn @ inside)
+
+
 def values(model: Model, state: State) -> Mapping[str, float]:
     """Every measure of the model by name."""
     return {name: x.value for name, x in measured(model, state).items()}
@@ -52,8 +89,8 @@ def measured(model: Model, state: State) -> dict[str, Measured]:
     """Every measure of the model by name, with derivatives."""
     if not model.measures:
         return {}
-    place = layout(model)
-    return {measure.name: _measured(model, place, state, measure) for measure in model.measures}
+    seen = _Seen(model, state)
+    return {measure.name: _measured(seen, measure) for measure in model.measures}
 
 
 def accelerations(
@@ -63,32 +100,32 @@ def accelerations(
     twists of bodies."""
     place = layout(model)
     zdot = np.concatenate([vdot, *(twists.get(body, np.zeros(6)) for body in place.bodies)])
-    return {x.name: _acceleration(model, place, state, x, zdot) for x in model.accelerations}
+    seen = _Seen(model, state)
+    return {x.name: _acceleration(seen, x, zdot) for x in model.accelerations}
 
 
-def _acceleration(
-    model: Model, place: Layout, state: State, measure: Measure, zdot: Array
-) -> float:
+def _acceleration(seen: _Seen, measure: Measure, zdot: Array) -> float:
     """over ż + rest of a velocity; q̈ = N v̇ + Ṅ v of a coordinate."""
+    model, state = seen.model, seen.state
     if measure.quantity in SECOND:
         of = replace(measure, quantity=SECOND[measure.quantity])
-        velocity = _measured(model, place, state, of)
+        velocity = _measured(seen, of)
         return float(velocity.over @ zdot + velocity.rest)
     names = [x.name for x in model.coordinates]
     if measure.frame in names:
         i = names.index(measure.frame)
-        return float(state.row(i) @ zdot[: place.nv] + state.drift[i])
+        return float(state.row(i) @ zdot[: seen.place.nv] + state.drift[i])
     return float(zdot[[x.name for x in model.velocities].index(measure.frame)])
 
 
-def _measured(model: Model, place: Layout, state: State, measure: Measure) -> Measured:
+def _measured(seen: _Seen, measure: Measure) -> Measured:
     if measure.quantity == "angular_velocity":
-        return _as_velocity(_spin(model, place, state, measure))
+        return _as_velocity(_spin(seen, measure))
     if measure.quantity == "angle":
-        return _as_position(_angle(model, place, state, measure))
+        return _as_position(_angle(seen, measure))
     of = RATES.get(measure.quantity, measure.quantity)
     kinds = {"position": _position, "orientation": _orientation, "length": _length}
-    jet = kinds[of](model, place, state, measure)
+    jet = kinds[of](seen, measure)
     return _as_position(jet) if of == measure.quantity else _as_velocity(jet)
 
 
@@ -101,51 +138,32 @@ def _as_velocity(jet: Jet) -> Measured:
     return Measured(float(jet.rate), np.nan, jet.over, float(jet.rest), True)
 
 
-def _seat(model: Model, state: State, name: str) -> tuple[str, Array, Array]:
-    """The body of a frame, and where the frame sits in it."""
-    frame = carrier(model, name)
-    return (frame.body, *placed(state, frame.at))
-
-
-def _axis(model: Model, place: Layout, state: State, name: str, k: int) -> Jet:
-    body, _, turn = _seat(model, state, name)
-    return direction(place, state, body, turn[:, k])
-
-
-def _origin(model: Model, place: Layout, state: State, name: str, inside: Array) -> Jet:
-    body, position, turn = _seat(model, state, name)
-    return point(place, state, body, position + turn @ inside)
-
-
-def _position(model: Model, place: Layout, state: State, measure: Measure) -> Jet:
+def _position(seen: _Seen, measure: Measure) -> Jet:
     """eₖ · (r − r_f) with the axis eₖ of the frame f."""
-    here = _origin(model, place, state, measure.frame, state.vector(measure.point))
-    there = _origin(model, place, state, measure.relative, np.zeros(3))
     (k,) = measure.component
-    return dot(_axis(model, place, state, measure.relative, k), here - there)
+    return dot(seen.axis(measure.relative, k), seen.gap(measure))
 
 
-def _orientation(model: Model, place: Layout, state: State, measure: Measure) -> Jet:
+def _orientation(seen: _Seen, measure: Measure) -> Jet:
     row, column = measure.component
-    return dot(
-        _axis(model, place, state, measure.relative, row),
-        _axis(model, place, state, measure.frame, column),
-    )
+    return dot(seen.axis(measure.relative, row), seen.axis(measure.frame, column))
 
 
-def _length(model: Model, place: Layout, state: State, measure: Measure) -> Jet:
-    return length(model.path(measure.frame), model.plane, place, state)
+def _length(seen: _Seen, measure: Measure) -> Jet:
+    model = seen.model
+    return length(model.path(measure.frame), model.plane, seen.place, seen.state)
 
 
-def _spin(model: Model, place: Layout, state: State, measure: Measure) -> Jet:
+def _spin(seen: _Seen, measure: Measure) -> Jet:
     """e · (ω − ω_f) as the rate of something: its derivative is ė · (ω − ω_f) + e · (α − α_f)."""
-    first, second = (_seat(model, state, name)[0] for name in (measure.frame, measure.relative))
+    model, place, state = seen.model, seen.place, seen.state
+    first, second = (seen.seat(name)[0] for name in (measure.frame, measure.relative))
     gap = state.frames[first].omega - state.frames[second].omega
     if model.plane:
         axis = direction(place, state, GROUND, NORMAL[model.plane])
     else:
         (k,) = measure.component
-        axis = _axis(model, place, state, measure.relative, k)
+        axis = seen.axis(measure.relative, k)
     over = np.zeros(place.size)
     for body, sign in ((first, 1.0), (second, -1.0)):
         if body != GROUND:
@@ -153,10 +171,10 @@ def _spin(model: Model, place: Layout, state: State, measure: Measure) -> Jet:
     return Jet(np.array(np.nan), axis.value @ gap, over, axis.rate @ gap)
 
 
-def _angle(model: Model, place: Layout, state: State, measure: Measure) -> Jet:
+def _angle(seen: _Seen, measure: Measure) -> Jet:
     """All turns on the way from the ground, with their whole turns."""
-    spin = _spin(model, place, state, measure)
-    first, second = (_total(model, state, x) for x in (measure.frame, measure.relative))
+    spin = _spin(seen, measure)
+    first, second = (_total(seen.model, seen.state, x) for x in (measure.frame, measure.relative))
     return Jet(np.array(first - second), spin.rate, spin.over, spin.rest)
 
 

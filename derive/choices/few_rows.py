@@ -91,7 +91,7 @@ def _explicit(
     system: System, reduction: Reduction, A: ca.SX, beta: ca.SX, turning: ca.SX
 ) -> Explicit:
     v, B, nw, tree = reduction.v, reduction.B, len(reduction.names), held_tree(system, A, beta)
-    vdot, motion = tree.motion(_forces(system, v, tree.sigma))
+    vdot, lam = tree.motion(_forces(system, v, tree.sigma))
     wdot = ca.densify(ca.mtimes(B, vdot) - turning)
     qdot = ca.substitute(system.qdot, system.v, v)
 
@@ -110,7 +110,7 @@ def _explicit(
         mass=Deferred(lambda: reduced_mass(system, reduction), nw**2),
         force=Deferred(lambda: _column(forces_on_tree(system, reduction)), nw),
         solve=solve,
-        lam=None if velocities_alone(A) else _column(motion.lam),
+        lam=None if velocities_alone(A) else _column(lam),
     )
 
 

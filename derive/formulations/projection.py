@@ -3,6 +3,8 @@ them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -172,23 +174,34 @@ def _with_unit_quaternions(system: System, q: ca.SX) -> ca.SX:
 
 
 def _position_step(system: System, motion: Motion) -> ca.SX:
-    step = _at_rest(system, motion)
-    if step is None:
-        closing = list(motion.closing)
-        # holonomic rows of A are φ_q N: a step over v that meets A δ = −φ, and q moves by N δ
-        change: Vector = [-system.phi[system.rows[i].position] for i in closing]
-        step = _least_step(system, system.A[closing, :], change)
+    closing = list(motion.closing)
+    # holonomic rows of A are φ_q N: a step over v that meets A δ = −φ, and q moves by N δ
+    change: Vector = [-system.phi[system.rows[i].position] for i in closing]
+    A, step = system.A[closing, :], _at_rest(system, motion)
+    known = [step] if step is not None else [_by_bordered_matrix(system, A, change)]
+    step = _cheapest([*known, *_by_recursion(system, A, change)])
     return ca.substitute(system.qdot, system.v, step)
 
 
 def _least_step(system: System, A: ca.SX, change: Vector) -> ca.SX:
-    """By the bordered matrix, or, of a long tree where few rows tie several velocities, by Gauss's
-    principle and the recursion."""
-    found = [ca.vertcat(*least_change(_metric(system), A, change))]
+    """By the bordered matrix, or by the recursion."""
+    bordered = _by_bordered_matrix(system, A, change)
+    return _cheapest([bordered, *_by_recursion(system, A, change)])
+
+
+def _by_bordered_matrix(system: System, A: ca.SX, change: Vector) -> ca.SX:
+    return ca.vertcat(*least_change(_metric(system), A, change))
+
+
+def _by_recursion(system: System, A: ca.SX, change: Vector) -> Iterator[ca.SX]:
+    """Gauss's principle and the recursion, of a long tree where few rows tie several velocities."""
     nv, tying = system.v.numel(), len(change) - len(velocities_alone(A))
     if nv >= MANY and tying <= FEW_ROWS * nv and system.definite and is_of_links(system):
         tree = held_tree(system, A, ca.vertcat(*change))
-        found.append(tree.motion(-_inertial(system, tree.sigma))[0])
+        yield tree.motion(-_inertial(system, tree.sigma))[0]
+
+
+def _cheapest(found: Sequence[ca.SX]) -> ca.SX:
     counts = alternatives(found) if len(found) > 1 else [0]
     return found[counts.index(min(counts))]
 

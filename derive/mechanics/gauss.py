@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from derive.expressions.scalars import Matrix, Vector
-from derive.joints.rotations import dot
+from derive.joints.rotations import dot, plus
 from derive.mechanics.articulated import motions_of, tree_solution
 from derive.mechanics.records import Named, System
 from derive.mechanics.solve import ldl_solution, scalars
@@ -85,12 +85,18 @@ class Held:
     beta: Vector
     solve: Callable[[Vector], Vector]  # M'⁻¹ of a force conjugate to v'
 
-    def motion(self, force: ca.SX) -> tuple[ca.SX, Constrained]:
-        """v̇ for forces (nv) conjugate to v, those at v̇ = σ taken off."""
+    def motion(self, force: ca.SX) -> tuple[ca.SX, Vector]:
+        """v̇ and λ for forces (nv) conjugate to v, those at v̇ = σ taken off.
+
+        Refined once: a link at the rows that is lighter than the others by 1/ε leaves G with a part
+        of that size, in which as many digits of λ are lost, and A v̇ = β is missed by them.
+        """
         responses = [self.solve(row) for row in rows_of(self.A)]
         free = self.solve(_entries(ca.mtimes(self.S.T, force)))
         found = constrained_motion(self.A, self.beta, [free, *responses])
-        return ca.densify(ca.mtimes(self.S, _column(found.vdot)) + self.sigma), found
+        again = constrained_motion(self.A, self.beta, [found.vdot, *responses])
+        lam = [plus(x, more) for x, more in zip(found.lam, again.lam)]
+        return ca.densify(ca.mtimes(self.S, _column(again.vdot)) + self.sigma), lam
 
 
 def held_tree(system: System, A: ca.SX, beta: ca.SX) -> Held:
@@ -107,7 +113,7 @@ def held_tree(system: System, A: ca.SX, beta: ca.SX) -> Held:
     def solve(force: Vector) -> Vector:
         return tree_solution(system.links, system.inertias[-1], rotors, force, motions).vdot
 
-    left = _entries(beta[rest] - ca.mtimes(A[rest, :], sigma))
+    left = _entries(beta[rest, 0] - ca.mtimes(A[rest, :], sigma))
     return Held(S, sigma, ca.sparsify(ca.mtimes(A[rest, :], S)), left, solve)
 
 

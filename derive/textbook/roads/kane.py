@@ -60,6 +60,22 @@ def _rest(terms: Terms, wdot: ca.SX) -> ca.SX:
     return at_quasi_velocities(terms, ca.mtimes(S.T, ca.mtimes(s.M_extra, vdot) + own))
 
 
+def _is_beside_bodies(doc: Manuscript) -> bool:
+    """Whether rotors or a kinetic energy given by formula have inertia beside the bodies."""
+    s = doc.system
+    moving = ca.SX(s.h_extra - _still(doc.terms))
+    return bool(s.links) and bool(s.M_extra.nnz() or not moving.is_zero())
+
+
+def _beside_bodies(doc: Manuscript) -> None:
+    """The words for M′ and h′."""
+    doc.say(
+        "Rotors, and what the file gives of the kinetic energy by a formula, add $!M'$ to the mass "
+        "matrix and $!h'$ to the bias of the generalized velocities."
+    )
+    doc.mean(r"!M',\; !h'", "what rotors and the given kinetic energy add to $!M$ and $!h$")
+
+
 def _still(terms: Terms) -> ca.SX:
     """What of the added bias is potential, see forces.potential_bias."""
     s = terms.system
@@ -96,12 +112,13 @@ def _write(doc: Manuscript) -> None:
         "exert drops out, for it does no work on these motions. The generalised inertia forces "
         "are:"
     )
-    wdot = doc.terms.wdot
+    wdot, beside = doc.terms.wdot, _is_beside_bodies(doc)
     doc.law(
         "inertia forces",
         r"!F^{*}",
         r"-\sum_i \left(\frac{\partial !\omega_i}{\partial !w}\right)^T!n_i "
-        r"-\sum_i \left(\frac{\partial !v_i}{\partial !w}\right)^T!f_i",
+        r"-\sum_i \left(\frac{\partial !v_i}{\partial !w}\right)^T!f_i"
+        + (r" - !S^T\left(!M'\,!!v + !h'\right)" if beside else ""),
         balance(doc.terms, wdot) - _left(doc.terms, wdot),
     )
     doc.mean(r"!n_{i},\; !f_{i}", "moment and force of inertia of body $i$ at its origin", "N*m, N")
@@ -126,6 +143,8 @@ def _write(doc: Manuscript) -> None:
     doc.mean(r"!V", "bias of gravity and potential, $!h$ where $!v=!0$")
     doc.mean(r"!F,\; !F^{*}", "generalised active and inertia forces")
     doc.vector("active", "F", force)
+    if beside:
+        _beside_bodies(doc)
     doc.say("Kane's equations say that they balance:")
     doc.law("Kane", r"!F + !F^{*}", r"!0", _left(doc.terms, wdot))
     final(doc)
@@ -232,6 +251,10 @@ def _appell(doc: Manuscript) -> None:
         r"+ \dot{!\omega}_i\cdot\left(!\omega_i\times!I_i!\omega_i\right)",
     )
     doc.mean(G, "energy of accelerations (Gibbs, Appell)")
+    if _is_beside_bodies(doc):
+        _beside_bodies(doc)
+        doc.say("So the sum over the bodies has one more term:")
+        doc.state(G, rf"\sum_i {G}_i + \tfrac{{1}}{{2}}\,!!v^T!M'\,!!v + !!v^T!h'")
     doc.say("In the rates of the quasi-velocities it is a polynomial of second degree:")
     terms, wdot = doc.terms, doc.terms.wdot
     M_w, h = terms.named("M_w"), balance(terms, ca.SX.zeros(wdot.numel())) + _force(terms)

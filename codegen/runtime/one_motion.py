@@ -19,8 +19,8 @@ BUDGET = {  # steps between two looks at progress and interrupts
     "ctypes": 5000,
     "numpy": 50,
 }
-# A motion that is held at a jump of forces: of so many steps more than this part is rejected or ends
-# at a kink, and all cover less than that part of the time. The whole would take 10¹⁰ steps.
+# A motion that is held at a jump of forces: of so many steps more than this part is rejected or
+# ends at a kink, and all cover less than that part of the time. The whole would take 10¹⁰ steps.
 LOOKED_AT, BROKEN, COVERED = 200_000, 0.1, 2e-5
 Rows = dict[str, np.ndarray]
 

@@ -19,9 +19,9 @@ BUDGET = {  # steps between two looks at progress and interrupts
     "ctypes": 5000,
     "numpy": 50,
 }
-# A motion that is held at a jump of forces: of so many steps more than this part is rejected, and
-# all cover less than that part of the time. The whole would take 10¹⁰ steps at this pace.
-LOOKED_AT, REJECTED, COVERED = 200_000, 0.1, 2e-5
+# A motion that is held at a jump of forces: of so many steps more than this part is rejected or
+# ends at a kink, and all cover less than that part of the time. The whole would take 10¹⁰ steps.
+LOOKED_AT, BROKEN, COVERED = 200_000, 0.1, 2e-5
 Rows = dict[str, np.ndarray]
 
 
@@ -107,8 +107,9 @@ class Course:
 
     @property
     def reached(self) -> tuple[int, int, float]:
-        """Steps, those that were rejected, and the time."""
-        return self.tried, int(self.state["rejected"][0]), self.time
+        """Steps, those that were rejected or end at a kink, and the time."""
+        broken = self.state["rejected"][0] + self.state["landings"][0]
+        return self.tried, int(broken), self.time
 
     def here(self) -> Rows:
         """The row of where it is."""
@@ -147,11 +148,11 @@ class Single:
 
     def is_held(self, span: float) -> bool:
         """Whether the motion stands still at a jump of forces, looked at now and then."""
-        tried, rejected, t = (now - before for now, before in zip(self.course.reached, self.before))
+        tried, broken, t = (now - before for now, before in zip(self.course.reached, self.before))
         if not self.by.facts.lengths["kinks"] or tried < LOOKED_AT:
             return False
         self.before = self.course.reached
-        return rejected > REJECTED * tried and t < COVERED * span
+        return broken > BROKEN * tried and t < COVERED * span
 
     def ended(self, t: np.ndarray, out: Rows, status: Status) -> tuple[np.ndarray, Rows]:
         """Rows up to an event that stopped the motion, and one there."""

@@ -84,3 +84,21 @@ def test_an_end_that_comes_within_its_pulley_is_told(tmp_path):
     path.write_text(INWARDS)
     with pytest.raises(AssumptionError, match="rope may have an end within a pulley"):
         hamel.simulate(path, time=2.0)
+
+
+STUCK = """model: stuck_while_pulled
+plane: xy
+bodies: {a: {mass: 1 kg}}
+joints: {A: {type: prismatic, parent: ground, child: a, axis: x, coordinate: x}}
+loads: {f: {type: expression, joint: A, expression: "-(3 N)*sign(der(x)) + (1 N)*sin((2 rad/s)*t)"}}
+initial: {der(x): 1}
+"""
+
+
+@pytest.mark.slow
+def test_what_sticks_while_forces_change_ends(tmp_path):
+    """Its steps end at the jump and none is rejected: it had no end."""
+    path = tmp_path / "stuck.yaml"
+    path.write_text(STUCK, "utf-8")
+    with pytest.raises(AssumptionError, match="forces jump here and hold the motion"):
+        hamel.simulate(path, time=3.0)

@@ -24,7 +24,7 @@ import casadi as ca
 from derive.choices.explicit import Explicit, forces_on_tree, reduced_mass
 from derive.choices.limits import FEW_ROWS, MANY
 from derive.choices.pivots import block_guards, by_reflections, in_words, solved
-from derive.choices.reduction import Reduction, Task
+from derive.choices.reduction import Reduction, Task, symbols_for
 from derive.choices.survey import Survey
 from derive.expressions.counting import operations
 from derive.expressions.deferred import Deferred
@@ -49,28 +49,31 @@ def tying_rows(survey: Survey) -> int:
 
 
 def by_few_rows(
-    survey: Survey, task: Task, speeds: Sequence[RowForm], base: Reduction
+    survey: Survey, task: Task, speeds: Sequence[RowForm]
 ) -> tuple[Reduction, Explicit] | None:
-    """The choice of `base` with v, σ and ẇ found so; None where [A; B] has no safe pivots."""
+    """The choice with v, σ and ẇ found so; None where [A; B] has no safe pivots."""
     system, rows = survey.system, survey.independent_rows
-    Y = ca.vertcat(rows.A, task.B)
+    Y, w = ca.vertcat(rows.A, task.B), symbols_for(task.names)
     names = [*rows.names, *task.names]
-    found = solved(survey, Y, [[*_entries(rows.c), *_entries(base.w)]], base)
+    try:
+        found = solved(survey, Y, [[*_entries(rows.c), *_entries(w)]])
+    except ZeroDivisionError:
+        return None
     if by_reflections(found):
         return None
     v = _column(found.columns[0])
     beta = ca.substitute(rows.beta, system.v, v)
     turning = [ca.substitute(ca.SX(row.rate), system.v, v) for row in speeds]  # −Ḃ v
-    sigma = solved(survey, Y, [[*_entries(beta), *turning]], base)
+    sigma = solved(survey, Y, [[*_entries(beta), *turning]])
     reduction = Reduction(
         names=task.names,
-        w=base.w,
+        w=w,
         B=task.B,
-        S=_transformation(survey, Y, base),
+        S=_transformation(survey, Y, w.numel()),
         v=v,
         sigma=_column(sigma.columns[0]),
         walked=None,
-        guards=block_guards(survey, found, names, base),
+        guards=block_guards(survey, found, names),
         pivots=in_words(survey, found, names),
         kept=task.kept,
         constant_pivots=all(block.grade < 2 for block in found.blocks),
@@ -78,12 +81,11 @@ def by_few_rows(
     return reduction, _explicit(system, reduction, rows.A, beta, _column(turning))
 
 
-def _transformation(survey: Survey, Y: ca.SX, base: Reduction) -> ca.SX:
+def _transformation(survey: Survey, Y: ca.SX, nw: int) -> ca.SX:
     """S of Y S = [0; 1]."""
-    nw, rank = base.w.numel(), Y.size1() - base.w.numel()
-    still: Vector = [0.0] * Y.size1()
-    sides = [[*still[: rank + k], 1.0, *still[rank + k + 1 :]] for k in range(nw)]
-    columns = [_column(x) for x in solved(survey, Y, sides, base).columns]
+    still, rank = [0.0] * Y.size1(), Y.size1() - nw
+    sides: list[Vector] = [[*still[: rank + k], 1.0, *still[rank + k + 1 :]] for k in range(nw)]
+    columns = [_column(x) for x in solved(survey, Y, sides).columns]
     return ca.sparsify(ca.horzcat(*columns)) if columns else ca.SX(Y.size1(), 0)
 
 

@@ -56,11 +56,11 @@ def by_reflections(found: Solved) -> bool:
 
 
 def block_guards(
-    survey: Survey, found: Solved, names: Sequence[str], given: Reduction
+    survey: Survey, found: Solved, names: Sequence[str], given: Reduction | None = None
 ) -> tuple[Guard, ...]:
     """A guard for each pivot that varies with the configuration, its tolerance relative to the
-    largest determinant at the sampled states, at the frame of the reduction; `names` are those of
-    the matrix' rows. Pivots that are numbers, or the same at every state, need none."""
+    largest determinant at the sampled states, at the frame of a reduction if one is given; `names`
+    are those of the matrix' rows. Pivots that are numbers, or the same at every state, need none."""
     return tuple(
         Guard(
             f"pivot of {', '.join(names[i] for i in block.rows)}",
@@ -85,8 +85,9 @@ def in_words(survey: Survey, found: Solved, names: Sequence[str]) -> tuple[str, 
     )
 
 
-def _largest(survey: Survey, pivot: Scalar, given: Reduction) -> float:
-    return float(np.max(np.abs(sampled(survey, given.at_frame(ca.SX(pivot))))))
+def _largest(survey: Survey, pivot: Scalar, given: Reduction | None) -> float:
+    values = ca.SX(pivot) if given is None else given.at_frame(ca.SX(pivot))
+    return float(np.max(np.abs(sampled(survey, values))))
 
 
 def quadratic_guards(

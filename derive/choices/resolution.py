@@ -219,6 +219,9 @@ def _least(survey: Survey, task: Task, rows: Sequence[RowForm]) -> tuple[Reducti
     """Of the system's own velocities and of trees with a further frame, with short twists as forms
     and without: the safest pivots, then the fewest operations."""
     system = survey.system
+    held = by_few_rows(survey, task, rows) if has_few_rows(survey) else None
+    if held and len(task.names) > CUBIC and tying_rows(survey) <= FEWEST_ROWS:
+        return held
     found = [_shortest(task, [Way(system, forms, rows) for forms in survey.forms])]
     for tree in system.carried if system.rows and not survey.combines else ():
         over = _rows_over(system, tree, rows)
@@ -228,10 +231,6 @@ def _least(survey: Survey, task: Task, rows: Sequence[RowForm]) -> tuple[Reducti
             )
         except (Dependent, Undetermined):
             continue  # the system's own velocities will do
-    safest = min((x for _, x in found), key=_risk)
-    held = by_few_rows(survey, task, rows, safest) if has_few_rows(survey) else None
-    if held and len(task.names) > CUBIC and tying_rows(survey) <= FEWEST_ROWS:
-        return held
     results = [(x, explicit(system, x)) for _, x in found]
     best = min(range(len(found)), key=lambda k: _preference(*results[k]))
     if held and _preference(*held) < _preference(*results[best]):

@@ -60,7 +60,7 @@ def block_guards(
 ) -> tuple[Guard, ...]:
     """A guard for each pivot that varies with the configuration, its tolerance relative to the
     largest determinant at the sampled states, at the frame of a reduction if one is given; `names`
-    are those of the matrix' rows. Pivots that are numbers, or the same at every state, need none."""
+    are those of the matrix' rows. Pivots that are numbers, or the same at all states, need none."""
     return tuple(
         Guard(
             f"pivot of {', '.join(names[i] for i in block.rows)}",

@@ -107,7 +107,7 @@ def held_tree(system: System, A: ca.SX, beta: ca.SX) -> Held:
         sigma[j] = beta[i] / A[i, j]
     S = ca.SX.eye(nv)[:, [j for j in range(nv) if j not in single.values()]]
     rest = [i for i in range(A.size1()) if i not in single]
-    motions = motions_of(system, S)
+    motions = motions_of(system, S) or [[] for _ in system.links]  # where all are given
     rotors = _entries(ca.diag(ca.mtimes(S.T, ca.mtimes(system.M_extra, S))))
 
     def solve(force: Vector) -> Vector:

@@ -63,8 +63,7 @@ def _rest(terms: Terms, wdot: ca.SX) -> ca.SX:
 def _is_beside_bodies(doc: Manuscript) -> bool:
     """Whether rotors or a kinetic energy given by formula have inertia beside the bodies."""
     s = doc.system
-    moving = ca.SX(s.h_extra - _still(doc.terms))
-    return bool(s.links) and bool(s.M_extra.nnz() or not moving.is_zero())
+    return bool(s.links) and bool(s.M_extra.nnz() or s.model.kinetic is not None)
 
 
 def _beside_bodies(doc: Manuscript) -> None:

@@ -250,6 +250,16 @@ def test_second_slopes_of_trees_alone_have_a_mass_matrix_too(
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 
+def test_a_chain_of_which_all_is_prescribed_is_brought_there() -> None:
+    """Nothing is left to move: the recursion over what is left ended in an IndexError."""
+    rows = "  p{i}: {type: prescribed, coordinate: 'q{i}', motion: 0.1*sin((3 rad/s)*t)}"
+    first = rows.replace("{i}", "0")
+    s = system(load_text(CHAIN.format(11, HUNG, f"constraints:\n{first}\n{rows}")))
+    project = functions(equations(s))["project"]
+    q = project(0.2, np.zeros(12), [], []).full().ravel()
+    np.testing.assert_allclose(q, 0.1 * np.sin(0.6), atol=1e-14)
+
+
 LIGHT_TIP = """
 model: light_tip
 plane: xy

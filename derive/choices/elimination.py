@@ -64,10 +64,13 @@ def elimination(
     sampled: States,
     sizes: Sequence[float],
     short: int = SHORT,
+    valued: bool = False,
 ) -> Elimination:
     """Solve constraint `rows` and speed rows (whose values are w) for all generalized velocities;
     `sizes` are the rows' magnitudes, against which a coefficient counts as zero. Components of
-    twists with at most `short` terms are written as their forms, others by recursion.
+    twists with at most `short` terms are written as their forms, others by recursion. Where w is
+    `valued`, forms hold what it comes to and no coefficients of it: v and σ take as many operations
+    as the loops that are passed, however many quasi-velocities there are.
 
     First walk: Y v = [c; w] gives v = S w + v₀. Second walk, with the same pivots and the velocity
     products beside the same forms: Y v̇ = [β; ẇ − Ḃ v] at ẇ = 0 gives σ, v̇ = S ẇ + σ. No inverse
@@ -76,7 +79,8 @@ def elimination(
     Raises Dependent where a speed depends on the constraints and on the speeds before it,
     Undetermined where a velocity is left over.
     """
-    walks = _walks(system, rows, speeds, w, Coefficients(system, sampled, sizes), short)
+    coefficients_at = Coefficients(system, sampled, sizes)
+    walks = _walks(system, rows, speeds, w, coefficients_at, short, valued=valued)
     forms, rates = [walks.forms[j] for j in range(system.v.numel())], walks.rates
     return Elimination(
         system,
@@ -113,9 +117,10 @@ def _walks(
     coefficients_at: Coefficients,
     short: int,
     most: int | None = None,
+    valued: bool = False,
 ) -> _Walks:
     """Both walks, up to the link where `most` rows are solved, or to the end."""
-    walk, plan = walked(system, rows, speeds, coefficients_at, most)
+    walk, plan = walked(system, rows, speeds, coefficients_at, most, w if valued else None)
     links = system.links[: len(plan) - 1]
     forms = {j: walk.resolved(form) for j, form in walk.joints.items()}
     unknown = {key[1] for form in forms.values() for key in form if key[0] == "v"}

@@ -219,6 +219,14 @@ def forces_on_tree(system: System, reduction: Reduction) -> Vector:
     return _by_joints(system, reduction, _beside_links(system, reduction), reduction.sigma)
 
 
+def forces_at(system: System, v: ca.SX, vdot: ca.SX) -> ca.SX:
+    """Q − h − M v̇ (nv) by Newton–Euler."""
+    given = _entries(v), _entries(ca.densify(vdot))
+    inertial = _column(joint_forces_of_motion(system.layouts, *given, system.gravity))
+    beside = ca.substitute(system.Q - system.h_extra, system.v, v)
+    return beside - ca.mtimes(system.M_extra, vdot) - inertial
+
+
 def _beside_links(system: System, reduction: Reduction) -> ca.SX:
     """Q − h − M σ, of h and M what is beside the links."""
     Q = _at(system, reduction, system.Q - system.h_extra)

@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from derive.choices.explicit import Explicit, forces_on_tree, reduced_mass
+from derive.choices.explicit import Explicit, forces_at, forces_on_tree, reduced_mass
 from derive.choices.limits import FEW_ROWS, MANY
 from derive.choices.pivots import block_guards, by_reflections, in_words, solved
 from derive.choices.reduction import Reduction, Task, symbols_for
@@ -30,7 +30,6 @@ from derive.expressions.counting import operations
 from derive.expressions.deferred import Deferred
 from derive.expressions.scalars import Vector
 from derive.mechanics.gauss import held_tree, is_of_links, velocities_alone
-from derive.mechanics.inverse_dynamics import joint_forces_of_motion
 from derive.mechanics.records import RowForm, System
 
 
@@ -93,7 +92,7 @@ def _explicit(
     system: System, reduction: Reduction, A: ca.SX, beta: ca.SX, turning: ca.SX
 ) -> Explicit:
     v, B, nw, tree = reduction.v, reduction.B, len(reduction.names), held_tree(system, A, beta)
-    vdot, lam = tree.motion(_forces(system, v, tree.sigma))
+    vdot, lam = tree.motion(forces_at(system, v, tree.sigma))
     wdot = ca.densify(ca.mtimes(B, vdot) - turning)
     qdot = ca.substitute(system.qdot, system.v, v)
 
@@ -114,14 +113,6 @@ def _explicit(
         solve=solve,
         lam=None if velocities_alone(A) else _column(lam),
     )
-
-
-def _forces(system: System, v: ca.SX, vdot: ca.SX) -> ca.SX:
-    """Q − h − M v̇ by Newton–Euler."""
-    given = _entries(v), _entries(vdot)
-    inertial = _column(joint_forces_of_motion(system.layouts, *given, system.gravity))
-    beside = ca.substitute(system.Q - system.h_extra, system.v, v)
-    return beside - ca.mtimes(system.M_extra, vdot) - inertial
 
 
 def _entries(column: ca.SX) -> Vector:

@@ -39,8 +39,6 @@ SHORT_ROW = 1e-6  # of the longest row: a shorter one may be rounding and is not
 # resolution
 FEW = 12  # with more links than this, twists are written in one way
 WORTHWHILE = 0.97  # an estimate of operations tells no smaller differences
-SETTLED = 1e-12  # a coefficient that is nowhere farther than this from 0, 1 or −1 is that number
-TRIED = 20  # random values of t, q and p at which that is seen
 NAMED = 1e-6  # the least weight with which a row is named among those that depend on each other
 # smaller singular values of the scaled [A; B] are those of a singular position, or nearly
 REGULAR = 1e-3
@@ -57,6 +55,10 @@ RANK = 1e-9  # singular values of rows of length one below this are zero
 # of large systems fewer states are looked at: about so many velocities, at least so many states
 ENTRIES = 2_000
 FEWEST = 10
+
+# embedded
+# quasi-velocities from which ẇ is looked for by constraint embedding, where so much of S is full
+EMBEDDED, FULL = 4, 0.3
 
 # survey
 STRETCHED = 0.03  # of Kantorovich's quantity: about 1/2 at singular positions, rounding at others

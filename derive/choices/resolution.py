@@ -11,6 +11,7 @@ import numpy as np
 
 from derive.choices.candidates import candidates, suited
 from derive.choices.elimination import Beginning
+from derive.choices.embedded import by_embedding, has_overlapping_loops
 from derive.choices.explicit import Explicit, explicit
 from derive.choices.few_rows import by_few_rows, has_few_rows, tying_rows
 from derive.choices.limits import (
@@ -21,9 +22,7 @@ from derive.choices.limits import (
     FINALISTS,
     NAMED,
     ROUNDOFF,
-    SETTLED,
     TELLING,
-    TRIED,
     WORTHWHILE,
 )
 from derive.choices.orthonormal import orthonormal
@@ -41,7 +40,8 @@ from derive.choices.walk import Dependent, Undetermined
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import alternatives
 from derive.expressions.scalars import Scalar
-from derive.joints.rotations import is_one
+from derive.expressions.settled import settled
+from derive.joints.rotations import is_one, is_zero
 from derive.mechanics.records import Carried, RowForm, System
 from derive.mechanics.rows import velocity_row
 from derive.model.records import Choice
@@ -168,28 +168,16 @@ def _rows_over(system: System, tree: Carried, rows: Sequence[RowForm]) -> list[R
         for j, coefficient in row.coefficients:
             velocity += coefficient * tree.speeds[j]
         coefficients, _, rate = velocity_row(over, tree.qdot, velocity)
-        settled = _settled(tree, coefficients)
-        moves = any(isinstance(x, ca.SX) and not x.is_constant() for _, x in settled)
-        result.append(RowForm(row.name, (), settled, 0.0, rate if moves else 0.0))
+        known = _settled(coefficients)
+        moves = any(isinstance(x, ca.SX) and not x.is_constant() for _, x in known)
+        result.append(RowForm(row.name, (), known, 0.0, rate if moves else 0.0))
     return result
 
 
-def _settled(
-    tree: Carried, coefficients: Sequence[tuple[int, Scalar]]
-) -> tuple[tuple[int, Scalar], ...]:
-    """Coefficients with 0, 1 or −1 in the place of those that are that whatever t, q and p are:
-    cos² + sin² of an angle that a frame was turned by and back. Seen at random t, q and p."""
-    rng, result = np.random.default_rng(0), list[tuple[int, Scalar]]()
-    given = [rng.normal(size=(x.numel(), TRIED)) for x in (tree.t, tree.q, tree.p)]
-    for j, x in coefficients:
-        function = ca.Function("x", [tree.t, tree.q, tree.p], [ca.SX(x)])
-        values = function.call(given)[0].full().ravel()
-        nearest = round(values[0]) if np.all(np.isfinite(values)) else 2
-        if abs(nearest) > 1 or np.max(np.abs(values - nearest)) > SETTLED:
-            result.append((j, x))
-        elif nearest:
-            result.append((j, float(nearest)))
-    return tuple(result)
+def _settled(coefficients: Sequence[tuple[int, Scalar]]) -> tuple[tuple[int, Scalar], ...]:
+    """Coefficients with numbers in the place of formulas that are nothing else; zeros left out."""
+    values = settled([x for _, x in coefficients])
+    return tuple((j, x) for (j, _), x in zip(coefficients, values) if not is_zero(x))
 
 
 def carried_out(
@@ -222,7 +210,13 @@ def _least(survey: Survey, task: Task, rows: Sequence[RowForm]) -> tuple[Reducti
     held = by_few_rows(survey, task, rows) if has_few_rows(survey) else None
     if held and len(task.names) > CUBIC and tying_rows(survey) <= FEWEST_ROWS:
         return held
-    found = [_shortest(task, [Way(system, forms, rows) for forms in survey.forms])]
+    ways = [Way(system, forms, rows) for forms in survey.forms]
+    found = [_shortest(task, ways)]
+    overlapping = has_overlapping_loops(survey, task, found[0][1], rows)
+    embedded = by_embedding(survey, task, ways, found[0][1]) if overlapping else None
+    if embedded and len(task.names) > CUBIC:
+        return embedded
+    held = embedded or held
     for tree in system.carried if system.rows and not survey.combines else ():
         over = _rows_over(system, tree, rows)
         try:

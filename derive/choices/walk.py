@@ -4,7 +4,7 @@ generalized velocities that are not known yet, and which row is solved for which
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -180,19 +180,22 @@ def walked(
     speeds: Sequence[RowForm],
     coefficients_at: Coefficients,
     most: int | None = None,
+    given: ca.SX | None = None,
 ) -> tuple[Walk, list[list[Step]]]:
     """The walk over velocities for constraint `rows`, which equal c, and speed rows, which equal w;
     the pivots it finds, link by link, are the plan of the walk over rates. With `most` it ends at
-    the link where so many rows are solved.
+    the link where so many rows are solved. With `given`, w, forms hold its values and no
+    coefficients of it.
 
     Raises Dependent where a speed depends on the constraints and on the speeds before it.
     """
     everything = [*rows, *speeds]
-    sides = [constant(row.value) for row in rows] + [{("w", k): 1.0} for k in range(len(speeds))]
-    outright = {s.coefficients[0][0]: k for k, s in enumerate(speeds) if _single(s)}
-    waiting = [i for i in range(len(everything)) if not (i >= len(rows) and _single(everything[i]))]
+    own = _own_forms(len(speeds), given)
+    sides = [constant(row.value) for row in rows] + own
+    outright = {s.coefficients[0][0]: k for k, s in enumerate(speeds) if is_single(s)}
+    waiting = [i for i in range(len(everything)) if not (i >= len(rows) and is_single(everything[i]))]
     known: dict[int, Form] = {
-        j: {("w", k): 1.0 / speeds[k].coefficients[0][1]} for j, k in outright.items()
+        j: total([(1.0 / speeds[k].coefficients[0][1], own[k])]) for j, k in outright.items()
     }
     if isinstance(system, Carried) and system.frame:
         known[system.frame.column] = {}  # neither row nor mass feels how the frame itself turns
@@ -200,7 +203,14 @@ def walked(
     return walk, _plan(_Rows(walk, waiting, len(rows), coefficients_at), most)
 
 
-def _single(row: RowForm) -> bool:
+def _own_forms(count: int, given: ca.SX | None) -> list[Form]:
+    """What speed rows equal: w, or its values."""
+    if given is None:
+        return [{("w", k): 1.0} for k in range(count)]
+    return [constant(x) for x in ca.vertsplit(given)] if count else []
+
+
+def is_single(row: RowForm) -> bool:
     """A speed that is a number times one generalized velocity."""
     return (
         len(row.coefficients) == 1
@@ -234,6 +244,8 @@ class _Rows:
         self.later: dict[int, list[int]] = {}  # by the link that completes them
         self.spoken: Counter[int] = Counter()  # velocities, by rows that are not ready
         carrier = {j: i for i, link in enumerate(walk.system.links) for j in link.columns}
+        self.speaks = {i: speaks_of(walk.system, walk.rows[i]) - walk.known.keys() for i in waiting}
+        self.own = _diagonal_blocks(self.speaks)
         for i in waiting:
             row = walk.rows[i]
             links = (
@@ -241,17 +253,23 @@ class _Rows:
                 *(carrier.get(j, -1) for j, _ in row.coefficients),
             )
             self.later.setdefault(max(links, default=-1), []).append(i)
-            self.spoken.update(_speaks_of(walk.system, row))
+            self.spoken.update(self._within(i))
 
     def reach(self, link: int) -> None:
         """Rows that are ready with this link."""
         for i in self.later.pop(link, ()):
-            self.spoken.subtract(_speaks_of(self.walk.system, self.walk.rows[i]))
+            self.spoken.subtract(self._within(i))
             self._put(i)
+
+    def _within(self, i: int) -> set[int]:
+        """The velocities that a row can be solved for."""
+        return self.own.get(i, self.speaks[i])
 
     def _put(self, i: int) -> None:
         entries, numbers = self.coefficients_at.row(i, self.walk.current(i))
-        self.table.put_row(i, entries, numbers)
+        if i in self.own:
+            entries = {j: x for j, x in entries.items() if j in self.own[i]}
+        self.table.put_row(i, entries, numbers & entries.keys())
 
     def best(self) -> Block | None:
         """The best pivot among the rows that are ready and their unknowns, rows over their sizes so
@@ -299,7 +317,28 @@ def _stage(rows: _Rows, reached: int) -> list[Step]:
     return steps
 
 
-def _speaks_of(system: System | Carried, row: RowForm) -> set[int]:
+def _diagonal_blocks(speaks: Mapping[int, set[int]]) -> dict[int, set[int]]:
+    """By row the velocities of its diagonal block, where rows and velocities can be put in an order
+    in which they are block triangular: whatever the others are, each block is regular for itself or
+    all of them is singular. Nothing where there are more rows than velocities."""
+    rows, columns = sorted(speaks), sorted(set().union(*speaks.values()))
+    if len(rows) != len(columns):
+        return {}
+    places = [(a, columns.index(j)) for a, i in enumerate(rows) for j in sorted(speaks[i])]
+    pattern = ca.Sparsity.triplet(len(rows), len(columns), *(list(x) for x in zip(*places)))
+    count, row_order, column_order, row_first, column_first, *_ = pattern.btf()
+    if not rows or ca.sprank(pattern) < len(rows):
+        return {}
+    result: dict[int, set[int]] = {}
+    for k in range(count):
+        own = {columns[b] for b in column_order[column_first[k] : column_first[k + 1]]}
+        for a in row_order[row_first[k] : row_first[k + 1]]:
+            result[rows[a]] = own & speaks[rows[a]]
+    return result
+
+
+def speaks_of(system: System | Carried, row: RowForm) -> set[int]:
+    """The generalized velocities that may stand in a row: those of all joints on the way."""
     carried = {
         j
         for term in row.terms

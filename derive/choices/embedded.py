@@ -60,9 +60,14 @@ def by_embedding(
     sweeps = [_sweep(survey.system, *x) for x in found]
     best = _fewest([_column(x.motion(_entries(force))[0]) for x in sweeps])
     result = replace(reduction, v=v, sigma=sigma, walked=None)
-    # λ is of the rows as the system has them where they are written in the first way
-    kept = task.kept if found[best][0] is ways[0] and not survey.combines else ()
+    kept = () if survey.combines or not _same_rows(found[best][0], ways[0]) else task.kept
     return result, _explicit(survey.system, result, sweeps[best], kept)
+
+
+def _same_rows(way: Way, first: Way) -> bool:
+    """Whether λ is of the rows as the system has them, which are those of the first way; a row
+    along a rod is the same in every way."""
+    return all(x is y or x.rod for x, y in zip(way.rows, first.rows))
 
 
 def _valued(survey: Survey, task: Task, way: Way, reduction: Reduction) -> Elimination:

@@ -169,6 +169,7 @@ class _Form:
     speaking: dict[int, set[int]] = field(default_factory=dict[int, set[int]])  # rows by unknown
     steps: list[_Step] = field(default_factory=list[_Step])
     last: int = -1
+    carried: set[int] = field(default_factory=set[int])
     joined: dict[int, tuple[int, Combination]] = field(
         default_factory=dict[int, tuple[int, Combination]]
     )
@@ -228,7 +229,7 @@ class _Form:
 
     def solve(self, indices: Sequence[int], unknowns: Sequence[int]) -> None:
         """Rows solved for unknowns, which they are put in the place of."""
-        self._join(indices, unknowns)
+        self._join(indices)
         rows = [self.rows.pop(i) for i in indices]
         for i, row in zip(indices, rows):
             for j in row:
@@ -249,9 +250,10 @@ class _Form:
             self.replace(j, {k: times(-1.0, x) for k, x in zip(others, row) if not is_zero(x)})
 
 
-    def _join(self, indices: Sequence[int], unknowns: Sequence[int]) -> None:
-        """Of which rows know the sum or difference alone becomes one unknown."""
-        others = {j for i in indices for j in self.rows[i]} - {*unknowns}
+    def _join(self, indices: Sequence[int]) -> None:
+        """Twists of carriers of which the rows know the sum or difference alone: that becomes one
+        unknown, until the carriers' own take their place."""
+        others = {j for i in indices for j in self.rows[i]} & self.carried
         by_column: dict[tuple[float, ...], int] = {}
         for j in sorted(others):
             column = [self.rows[i].get(j, 0.0) for i in indices]
@@ -297,6 +299,7 @@ class _Sweep:
         for i, link in enumerate(links):
             self.depths.append(self.depths[link.parent] + 1 if link.parent >= 0 else 0)
             self._enter(i, link, rotors)
+        self.form.carried = {step.unknown for way in self.ways for step in way}
         for i in sorted({i for group in groups for x in group for i in x.rows}):
             self._put_row(i, rows[i])
         self.group_of = {

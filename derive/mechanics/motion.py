@@ -15,10 +15,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from derive.expressions.scalars import Scalar, Vector
-from derive.joints.rotations import cross, dot, plus, sum_of
+from derive.joints.rotations import cross, dot, minus, plus, sum_of, times
+from derive.joints.rotations import rotated as rotated_vector
 from derive.mechanics.forms import Form, added, constant, crossed, dotted, rotated, total
 from derive.mechanics.links import carried
-from derive.mechanics.records import Link, Numbers, RowForm, TwistTerm
+from derive.mechanics.records import Link, Numbers, Rod, RowForm, TwistTerm
 
 Twist = tuple[list[Form], list[Form]]  # three forms of ω, three of v
 
@@ -121,9 +122,10 @@ def row_products(row: RowForm, numbers: Sequence[Numbers]) -> Scalar:
     """What the turning of the directions and the moving of the points add to the row's rate.
 
     A direction n fixed in the ground turns with ṅ = −ω × n in the link, so ṅ·x = n·(ω × x) for the
-    point's velocity x.
+    point's velocity x. The line of a rod e turns besides with ė = (ẋ − e e·ẋ)/|x|, x from its
+    beginning to its end.
     """
-    result: Scalar = 0.0
+    result: Scalar = _turning_of_rod(row, row.rod, numbers) if row.rod else 0.0
     for term in row.terms:
         if term.link < 0 or term.fixed == "body":
             continue
@@ -137,3 +139,14 @@ def row_products(row: RowForm, numbers: Sequence[Numbers]) -> Scalar:
             )
             result = result + dot(term.direction_rate, at_point) + moving
     return result
+
+
+def _turning_of_rod(row: RowForm, rod: Rod, numbers: Sequence[Numbers]) -> Scalar:
+    """ė·ẋ = (ẋ·ẋ − (e·ẋ)²)/|x|."""
+    moved: Vector = [0.0, 0.0, 0.0]
+    for term, (sign, R) in zip(row.terms, rod.ends):
+        omega, velocity = numbers[term.link]
+        at_point = sum_of(velocity, cross(omega, term.point))
+        moved = sum_of(moved, [times(sign, x) for x in rotated_vector(R, at_point)])
+    along = dot(rod.direction, moved)
+    return minus(dot(moved, moved), times(along, along)) / rod.length

@@ -108,6 +108,16 @@ class TwistTerm:
 
 
 @dataclass(frozen=True)
+class Rod:
+    """Of a row along the line between two points: how long it is, where it points, in ground axes,
+    and for each twist term, +1 at its end and −1 at its beginning, ground ← link."""
+
+    length: Scalar
+    direction: Vector
+    ends: tuple[tuple[float, Matrix], ...]
+
+
+@dataclass(frozen=True)
 class RowForm:
     """A velocity row as the elimination reads it: Σ twist terms + Σ coefficients[j] v_j = value,
     and its derivative.
@@ -121,6 +131,7 @@ class RowForm:
     coefficients: tuple[tuple[int, Scalar], ...] = ()
     value: Scalar = 0.0
     rate: Scalar = 0.0
+    rod: Rod | None = None  # whose line turns as its ends move
 
 
 @dataclass(frozen=True)

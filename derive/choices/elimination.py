@@ -56,21 +56,28 @@ class Elimination:
     sizes: tuple[float, ...]
 
 
+@dataclass(frozen=True)
+class Speeds:
+    """Speed rows and what they equal, w. Where it is `valued`, forms hold what it comes to and no
+    coefficients of it: v and σ take as many operations as the loops that are passed, however many
+    quasi-velocities there are."""
+
+    rows: Sequence[RowForm]
+    w: ca.SX
+    valued: bool = False
+
+
 def elimination(
     system: System | Carried,
     rows: Sequence[RowForm],
-    speeds: Sequence[RowForm],
-    w: ca.SX,
+    speeds: Speeds,
     sampled: States,
     sizes: Sequence[float],
     short: int = SHORT,
-    valued: bool = False,
 ) -> Elimination:
-    """Solve constraint `rows` and speed rows (whose values are w) for all generalized velocities;
+    """Solve constraint `rows` and speed rows for all generalized velocities;
     `sizes` are the rows' magnitudes, against which a coefficient counts as zero. Components of
-    twists with at most `short` terms are written as their forms, others by recursion. Where w is
-    `valued`, forms hold what it comes to and no coefficients of it: v and σ take as many operations
-    as the loops that are passed, however many quasi-velocities there are.
+    twists with at most `short` terms are written as their forms, others by recursion.
 
     First walk: Y v = [c; w] gives v = S w + v₀. Second walk, with the same pivots and the velocity
     products beside the same forms: Y v̇ = [β; ẇ − Ḃ v] at ẇ = 0 gives σ, v̇ = S ẇ + σ. No inverse
@@ -80,7 +87,7 @@ def elimination(
     Undetermined where a velocity is left over.
     """
     coefficients_at = Coefficients(system, sampled, sizes)
-    walks = _walks(system, rows, speeds, w, coefficients_at, short, valued=valued)
+    walks = _walks(system, rows, speeds, coefficients_at, short)
     forms, rates = [walks.forms[j] for j in range(system.v.numel())], walks.rates
     return Elimination(
         system,
@@ -112,22 +119,22 @@ class _Walks:
 def _walks(
     system: System | Carried,
     rows: Sequence[RowForm],
-    speeds: Sequence[RowForm],
-    w: ca.SX,
+    speeds: Speeds,
     coefficients_at: Coefficients,
     short: int,
     most: int | None = None,
-    valued: bool = False,
 ) -> _Walks:
     """Both walks, up to the link where `most` rows are solved, or to the end."""
-    walk, plan = walked(system, rows, speeds, coefficients_at, most, w if valued else None)
+    walk, plan = walked(
+        system, rows, speeds.rows, coefficients_at, most, speeds.w if speeds.valued else None
+    )
     links = system.links[: len(plan) - 1]
     forms = {j: walk.resolved(form) for j, form in walk.joints.items()}
     unknown = {key[1] for form in forms.values() for key in form if key[0] == "v"}
     if unknown and most is None:
         raise Undetermined(system.labels[min(unknown)])
     v: list[Scalar] = [*ca.vertsplit(system.v)]
-    values: dict[Key, Scalar] = {("w", k): w[k] for k in range(len(speeds))}
+    values: dict[Key, Scalar] = {("w", k): speeds.w[k] for k in range(len(speeds.rows))}
     values |= {("v", j): v[j] for j in unknown}
     for j, form in forms.items():
         v[j] = value(form, values)
@@ -153,14 +160,13 @@ class Beginning:
 def beginning(
     system: System | Carried,
     rows: Sequence[RowForm],
-    speeds: Sequence[RowForm],
-    w: ca.SX,
+    speeds: Speeds,
     coefficients_at: Coefficients,
     short: int,
     most: int,
 ) -> Beginning:
     """As `elimination`, up to the link where `most` rows are solved. Raises Dependent."""
-    walks = _walks(system, rows, speeds, w, coefficients_at, short, most)
+    walks = _walks(system, rows, speeds, coefficients_at, short, most)
     v = [walks.v[j] for j in walks.forms]
     sigma = [walks.rates.resolved(x).get(ONE, 0.0) for x in walks.rates.joints.values()]
     steps = [step for stage in walks.plan for step in stage]

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from derive.choices.elimination import Elimination, elimination
+from derive.choices.elimination import Elimination, Speeds, elimination
 from derive.choices.explicit import Explicit, forces_at, forces_on_tree, reduced_mass
 from derive.choices.limits import EMBEDDED, FULL
 from derive.choices.reduction import Reduction, Task, Way
@@ -71,8 +71,8 @@ def _same_rows(way: Way, first: Way) -> bool:
 
 
 def _valued(survey: Survey, task: Task, way: Way, reduction: Reduction) -> Elimination:
-    given = (way.rows, way.speeds, reduction.w, task.sampled, task.sizes)
-    return elimination(survey.system, *given, short=1, valued=True)
+    speeds = Speeds(way.speeds, reduction.w, valued=True)
+    return elimination(survey.system, way.rows, speeds, task.sampled, task.sizes, short=1)
 
 
 def _fewest(results: Sequence[ca.SX]) -> int:

@@ -13,6 +13,7 @@ import numpy as np
 from derive.choices.elimination import (
     Beginning,
     Elimination,
+    Speeds,
     beginning,
     elimination,
     transformation,
@@ -88,7 +89,8 @@ def by_elimination(task: Task, way: Way) -> Reduction:
     """The reduction with the rows written in one way. S is nv × nw, σ is nv × 1, guards are the
     pivots that vary. Raises Dependent and Undetermined as `elimination` does."""
     w, tree = symbols_for(task.names), way.tree
-    result = elimination(tree, way.rows, way.speeds, w, task.sampled, task.sizes, way.short)
+    speeds = Speeds(way.speeds, w)
+    result = elimination(tree, way.rows, speeds, task.sampled, task.sizes, way.short)
     forms, v, sigma = _of_the_system(result)
     return Reduction(
         names=task.names,
@@ -113,7 +115,7 @@ def first_rows(task: Task, way: Way, most: int) -> Beginning:
     """The beginning of the same, up to the link where `most` rows are solved. Raises Dependent."""
     w = symbols_for(task.names)
     coefficients_at = Coefficients(way.tree, task.sampled, task.sizes)
-    return beginning(way.tree, way.rows, way.speeds, w, coefficients_at, way.short, most)
+    return beginning(way.tree, way.rows, Speeds(way.speeds, w), coefficients_at, way.short, most)
 
 
 def _of_the_system(

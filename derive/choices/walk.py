@@ -193,7 +193,9 @@ def walked(
     own = _own_forms(len(speeds), given)
     sides = [constant(row.value) for row in rows] + own
     outright = {s.coefficients[0][0]: k for k, s in enumerate(speeds) if is_single(s)}
-    waiting = [i for i in range(len(everything)) if not (i >= len(rows) and is_single(everything[i]))]
+    waiting = [
+        i for i in range(len(everything)) if not (i >= len(rows) and is_single(everything[i]))
+    ]
     known: dict[int, Form] = {
         j: total([(1.0 / speeds[k].coefficients[0][1], own[k])]) for j, k in outright.items()
     }

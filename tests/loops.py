@@ -80,7 +80,7 @@ TWICE = IN_SPACE.replace(
 ).replace("in_space", "twice")
 
 
-def ladder(n: int) -> str:
+def ladder(n: int, speed: str = "p") -> str:
     """Two chains in a plane, pinned to the ground side by side, whose links are joined at their
     tips by n rungs with mass. Each loop shares the links of the one before it."""
     bodies, joints, closures, guesses = list[str](), list[str](), list[str](), list[str]()
@@ -100,19 +100,22 @@ def ladder(n: int) -> str:
         ]
         closures.append(f"  C{i}: {{type: revolute, between: [r{i}, b{i}], at: [[d, 0], [l, 0]]}}")
         guesses += [f"s{i}: {_bend(i)} deg, e{i}: {-sum(map(_bend, range(1, i + 1)))} deg"]
-    return _in_plane("ladder", n, [bodies, joints, closures], guesses)
+    return _in_plane("ladder", n, [bodies, joints, closures], guesses, speed)
 
 
 def _bend(i: int) -> int:
     return -80 if i == 1 else 3 * (-1) ** i
 
 
-def _in_plane(name: str, n: int, parts: list[list[str]], guesses: list[str]) -> str:
+def _in_plane(
+    name: str, n: int, parts: list[list[str]], guesses: list[str], speed: str = "p"
+) -> str:
     bodies, joints, closures = parts
     lines = [f"model: {name}", "plane: xy", "gravity: [0, -9.81 m/s^2]"]
     lines += ["parameters: {l: 0.5 m, d: 0.4 m}"]
     lines += ["bodies:", *bodies, "joints:", *joints, "closures:", *closures]
-    lines += [f"quasi_velocities: {{left: [{', '.join(f'der(p{i})' for i in range(1, n + 1))}]}}"]
+    speeds = ", ".join(f"der({speed}{i})" for i in range(1, n + 1))
+    lines += [f"quasi_velocities: {{left: [{speeds}]}}"]
     given = ", ".join(f"p{i}: {_bend(i)} deg" for i in range(1, n + 1))
     lines += [f"initial: {{{given}, guess: {{{', '.join(guesses)}}}}}"]
     return "\n".join(lines) + "\n"

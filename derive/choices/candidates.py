@@ -5,11 +5,12 @@ from __future__ import annotations
 from itertools import combinations
 from math import comb, log10
 
+import casadi as ca
 import numpy as np
 
 from derive.choices.limits import MOST_SUBSETS, RANK, REGULAR
 from derive.choices.ranking import conditions, inertia_lost
-from derive.choices.survey import Survey, speed_name
+from derive.choices.survey import Survey, even_rows, speed_name
 from derive.mechanics.records import RowForm
 from derive.numerics import NONZERO
 
@@ -22,17 +23,21 @@ def candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowFo
     result: list[tuple[tuple[float, ...], str, tuple[RowForm, ...]]] = []
     for subset in subsets:
         rows = tuple(_alone(survey, j) for j in subset)
-        usual, worst, lost = 1.0, 1.0, 0
+        usual, worst, lost, singular = 1.0, 1.0, 0, False
         if survey.system.rows:
-            B = np.tile(np.eye(nv)[list(subset)], (len(survey.rows), 1, 1))
+            own = np.eye(nv)[list(subset)]
+            B = np.tile(own, (len(survey.rows), 1, 1))
             usual, worst = conditions(survey, B)
             lost = inertia_lost(survey, B)
+            singular = survey.is_singular_at_start(ca.SX(ca.sparsify(ca.DM(own))))
         names = {row.name for row in rows}
-        # what is singular everywhere loses no inertia anywhere; followers before it, then by
-        # condition; of equals the actuated ones, then the first of the tree
+        # what is singular everywhere loses no inertia anywhere; followers before it and what is
+        # singular at the start, then by condition; of equals the actuated ones, then the first of
+        # the tree
         order = (
             usual * RANK > 1.0,
             len(names & survey.followers),
+            singular,
             lost,
             round(np.log10(worst), 1),
             -len(names & survey.driven),
@@ -53,13 +58,24 @@ def _pivoted(survey: Survey) -> list[tuple[int, ...]]:
     nv = survey.system.v.numel()
     driven = frozenset(j for j in range(nv) if speed_name(survey.system, j) in survey.driven)
     weights = [1.0 + slope * np.arange(nv) / nv for slope in (0.0, 1.0, 10.0)]
-    matrices = survey.rows[:, list(survey.kept)]
+    usual = survey.rows[:, list(survey.kept)]
     found = [
         _greedy(survey, weight, spared, matrices)
+        for matrices in (usual, *_with_start(survey, usual))
         for spared in (frozenset[int](), driven)
         for weight in weights
     ]
     return list(dict.fromkeys(found))
+
+
+def _with_start(survey: Survey, rows: np.ndarray) -> list[np.ndarray]:
+    """The rows at the state where the motion begins besides: no random one, so that what is
+    singular just there may be well conditioned at all of these."""
+    start = survey.initial
+    if start is None or not len(rows):
+        return []
+    there = survey.solver.rows(start.t, start.q, start.p)[0][:, list(survey.kept)]
+    return [np.concatenate([rows, even_rows(there)])]
 
 
 def suited(survey: Survey, k: int) -> tuple[str, tuple[RowForm, ...]]:

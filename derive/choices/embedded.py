@@ -18,7 +18,7 @@ from derive.choices.explicit import Explicit, forces_at, forces_on_tree, reduced
 from derive.choices.limits import EMBEDDED, FULL
 from derive.choices.reduction import Reduction, Task, Way
 from derive.choices.survey import Survey
-from derive.choices.walk import Dependent, Step, Undetermined, is_single, speaks_of
+from derive.choices.walk import Dependent, Step, Undetermined, is_single, unknowns_of
 from derive.expressions.counting import alternatives, operations
 from derive.expressions.deferred import Deferred
 from derive.expressions.scalars import Vector
@@ -34,7 +34,7 @@ def has_overlapping_loops(
     """Several quasi-velocities, each a velocity of a joint, on all of which most other velocities
     depend, and all inertia in the links."""
     system, nw = survey.system, len(task.names)
-    if nw < EMBEDDED or not system.rows or not system.definite or not is_of_links(system):
+    if min(nw, survey.rank) < EMBEDDED or not system.definite or not is_of_links(system):
         return False
     full = reduction.S.nnz() - nw > FULL * nw * (reduction.S.size1() - nw)
     return full and all(is_single(row) for row in speeds)
@@ -93,12 +93,15 @@ def _sweep(system: System, way: Way, walked: Elimination) -> Embedded:
 def _groups(system: System, way: Way, steps: Sequence[Step]) -> list[list[Step]]:
     """Steps that speak of what each other is solved for."""
     solved = {key[1]: k for k, step in enumerate(steps) for key in step.keys}
-    speaks = ca.DM(len(steps), len(steps))
-    for k, step in enumerate(steps):
-        for i in step.rows:
-            for j in speaks_of(system, way.rows[i]) & solved.keys():
-                speaks[k, solved[j]] = 1
-    count, order, offset = speaks.sparsity().scc()
+    unknowns = unknowns_of(system, way.rows)
+    places = {
+        (k, solved[j])
+        for k, step in enumerate(steps)
+        for i in step.rows
+        for j in unknowns[i] & solved.keys()
+    }
+    speaks = ca.Sparsity.triplet(len(steps), len(steps), *(list(x) for x in zip(*sorted(places))))
+    count, order, offset = speaks.scc()
     return [[steps[k] for k in sorted(order[offset[i] : offset[i + 1]])] for i in range(count)]
 
 

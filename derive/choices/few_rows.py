@@ -22,8 +22,8 @@ from dataclasses import replace
 import casadi as ca
 
 from derive.choices.explicit import Explicit, forces_at, forces_on_tree, reduced_mass
-from derive.choices.limits import FEW_ROWS, MANY
-from derive.choices.pivots import block_guards, by_reflections, in_words, solved
+from derive.choices.limits import FEW_ROWS, MANY, REFLECTED
+from derive.choices.pivots import block_guards, in_words, solved
 from derive.choices.reduction import Reduction, Task, symbols_for
 from derive.choices.survey import Survey
 from derive.expressions.counting import operations
@@ -50,7 +50,8 @@ def tying_rows(survey: Survey) -> int:
 def by_few_rows(
     survey: Survey, task: Task, speeds: Sequence[RowForm]
 ) -> tuple[Reduction, Explicit] | None:
-    """The choice with v, σ and ẇ found so; None where [A; B] has no safe pivots."""
+    """The choice with v, σ and ẇ found so; None where too many rows of [A; B] have no safe
+    pivots."""
     system, rows = survey.system, survey.independent_rows
     Y, w = ca.vertcat(rows.A, task.B), symbols_for(task.names)
     names = [*rows.names, *task.names]
@@ -58,7 +59,7 @@ def by_few_rows(
         found = solved(survey, Y, [[*_entries(rows.c), *_entries(w)]])
     except ZeroDivisionError:
         return None
-    if by_reflections(found):
+    if any(len(block.rows) > REFLECTED for block in found.blocks):
         return None
     v = _column(found.columns[0])
     beta = ca.substitute(rows.beta, system.v, v)

@@ -57,7 +57,8 @@ ENTRIES = 2_000
 FEWEST = 10
 
 # embedded
-# quasi-velocities from which ẇ is looked for by constraint embedding, where so much of S is full
+# quasi-velocities and rows from which ẇ is looked for by constraint embedding, where so much of S
+# is full
 EMBEDDED, FULL = 4, 0.3
 
 # survey
@@ -70,6 +71,9 @@ MANY, FEW_ROWS = 10, 0.4
 # more quasi-velocities than this, held by at most so many rows, go that way without being compared:
 # with 22, of a chain held at its end, Sᵀ M S takes twice the operations, with 46 five times
 CUBIC, FEWEST_ROWS = 24, 6
+REFLECTED = (
+    6  # rows that are solved by reflections at most: more take more operations than they save
+)
 
 # walk
 NO_PIVOT = 1e-13  # of the size of its row: an entry that is nowhere larger is rounding

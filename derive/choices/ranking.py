@@ -1,8 +1,8 @@
 """How good a candidate for quasi-velocities is, and why it is better than the next.
 
-`auto` ranks by four criteria, in this order: pivots that are numbers or parameters alone (they can
-never vanish), light bodies that are not told by heavy ones, the conditioning of [A; B] over sampled
-consistent states, and the operations of ẋ.
+`auto` ranks by five criteria, in this order: [A; B] regular where the motion begins, pivots that
+are numbers or parameters alone (they can never vanish), light bodies that are not told by heavy
+ones, the conditioning of [A; B] over sampled consistent states, and the operations of ẋ.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from derive.diagnostics import NAMES, listed
 from derive.numerics import NONZERO
 from derive.states.sparse import Sparse, squares, stacked
 
-Score = tuple[tuple[int, bool, int], int, int, int]
+Score = tuple[tuple[int, bool, bool, int], int, int, int]
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class Ranking:
     followers: int = 0  # speeds that a coupling gives by another coordinate
     driven: int = 0  # speeds that an input acts on
     lost: int = 0
+    singular_at_start: bool = False
 
 
 def numeric_rows(survey: Survey, B: ca.SX) -> np.ndarray:
@@ -85,6 +86,7 @@ def judged(
         len(survey.followers & set(rows)),
         len(survey.driven & set(rows)),
         lost,
+        survey.is_singular_at_start(B),
     )
 
 
@@ -130,7 +132,8 @@ def score(ranking: Ranking) -> Score:
     Conditions count by decades and a half: a ratio below about 30 is no reason to prefer a
     partition that needs more operations.
     """
-    safety = (ranking.followers, not ranking.constant_pivots, ranking.lost)
+    pivots = (ranking.singular_at_start, not ranking.constant_pivots)
+    safety = (ranking.followers, *pivots, ranking.lost)
     condition = round(float(np.log10(ranking.worst)) / 1.5)
     return safety, condition, ranking.operations, -ranking.driven
 

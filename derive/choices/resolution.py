@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -344,6 +345,11 @@ def partition_for(survey: Survey, k: int) -> Resolved | None:
 def ranked_partitions(survey: Survey) -> list[Resolved]:
     """Sets of generalized velocities (and the user's own rows) that determine the rest, best
     first."""
+    return [*_ranked(survey)]
+
+
+@lru_cache(maxsize=1)  # a module with charts looks at the same ones again
+def _ranked(survey: Survey) -> tuple[Resolved, ...]:
     finalists = sorted(candidates(survey), key=lambda x: x[0])[:FINALISTS]
     carried = [_try(survey, name, rows) for _, name, rows in finalists]
     carried += [
@@ -352,7 +358,7 @@ def ranked_partitions(survey: Survey) -> list[Resolved]:
         if _fits(survey, c)
     ]
     unique = {x.ranking.rows: x for x in reversed([y for y in carried if y is not None])}
-    return sorted(unique.values(), key=lambda x: score(x.ranking))
+    return tuple(sorted(unique.values(), key=lambda x: score(x.ranking)))
 
 
 def _fits(survey: Survey, choice: Choice) -> bool:

@@ -44,7 +44,7 @@ from derive.states.sparse import Sparse, clearly_independent, lengths_over_state
 Blocks = Sequence[Sequence[Sequence[RowForm]]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Survey:
     """The system with what every choice needs to know of it: sampled states and the rank of A.
 
@@ -82,18 +82,20 @@ class Survey:
         start = self.initial
         if start is None or not len(self.sampled.t):
             return self.sampled
-        if self.without_zeros is not None:
-            return self.sampled if self._least_at(start, B) < REGULAR else self._with(start)
-        A = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
-        Y = np.concatenate(
-            [even_rows(A), even_rows(self.solver.values(B, start.t, start.q, start.p))], axis=1
-        )[0]
-        if np.linalg.svd(Y, compute_uv=False)[-1] < REGULAR:
-            return self.sampled
-        return self._with(start)
+        return self.sampled if self._least_at(start, B) < REGULAR else self._with(start)
+
+    def is_singular_at_start(self, B: ca.SX) -> bool:
+        """Whether w cannot be the state where the motion begins, or hardly."""
+        start = self.initial
+        return start is not None and self._least_at(start, B) < REGULAR
 
     def _least_at(self, start: States, B: ca.SX) -> float:
         """The least singular value of [A; B] there, rows of length one at most."""
+        if self.without_zeros is None:
+            A = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
+            values = self.solver.values(B, start.t, start.q, start.p)
+            Y = np.concatenate([even_rows(A), even_rows(values)], axis=1)[0]
+            return float(np.min(np.linalg.svd(Y, compute_uv=False), initial=1.0))
         A = self.solver.velocity_rows(start.t, start.q, start.p)[0].of_rows(self.kept)
         own = self.solver.value_rows(B, start.t, start.q, start.p)
         Y = stacked(evened(A), evened(own))

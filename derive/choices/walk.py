@@ -246,8 +246,10 @@ class _Rows:
         self.later: dict[int, list[int]] = {}  # by the link that completes them
         self.spoken: Counter[int] = Counter()  # velocities, by rows that are not ready
         carrier = {j: i for i, link in enumerate(walk.system.links) for j in link.columns}
-        self.speaks = {i: speaks_of(walk.system, walk.rows[i]) - walk.known.keys() for i in waiting}
-        self.own = _diagonal_blocks(self.speaks)
+        unknowns = unknowns_of(walk.system, [walk.rows[i] for i in waiting])
+        self.own = _diagonal_blocks(
+            {i: own - walk.known.keys() for i, own in zip(waiting, unknowns)}
+        )
         for i in waiting:
             row = walk.rows[i]
             links = (
@@ -265,7 +267,7 @@ class _Rows:
 
     def _within(self, i: int) -> set[int]:
         """The velocities that a row can be solved for."""
-        return self.own.get(i, self.speaks[i])
+        return self.own.get(i) or speaks_of(self.walk.system, self.walk.rows[i])
 
     def _put(self, i: int) -> None:
         entries, numbers = self.coefficients_at.row(i, self.walk.current(i))
@@ -324,12 +326,13 @@ def _diagonal_blocks(speaks: Mapping[int, set[int]]) -> dict[int, set[int]]:
     in which they are block triangular: whatever the others are, each block is regular for itself or
     all of them is singular. Nothing where there are more rows than velocities."""
     rows, columns = sorted(speaks), sorted(set().union(*speaks.values()))
-    if len(rows) != len(columns):
+    if len(rows) != len(columns) or not rows:
         return {}
-    places = [(a, columns.index(j)) for a, i in enumerate(rows) for j in sorted(speaks[i])]
+    place = {j: b for b, j in enumerate(columns)}
+    places = [(a, place[j]) for a, i in enumerate(rows) for j in sorted(speaks[i])]
     pattern = ca.Sparsity.triplet(len(rows), len(columns), *(list(x) for x in zip(*places)))
     count, row_order, column_order, row_first, column_first, *_ = pattern.btf()
-    if not rows or ca.sprank(pattern) < len(rows):
+    if ca.sprank(pattern) < len(rows):
         return {}
     result: dict[int, set[int]] = {}
     for k in range(count):
@@ -348,6 +351,20 @@ def speaks_of(system: System | Carried, row: RowForm) -> set[int]:
         for j in system.links[i].columns
     }
     return carried | {j for j, _ in row.coefficients}
+
+
+def unknowns_of(system: System | Carried, rows: Sequence[RowForm]) -> list[set[int]]:
+    """The velocities whose unknowns may stand in each row: of a joint that turns it is the link's
+    own spin, and the joint's rate has the carrier's in it."""
+    carrier = {j: i for i, link in enumerate(system.links) for j in link.columns}
+    result: list[set[int]] = []
+    for row in rows:
+        own = speaks_of(system, row)
+        for j, _ in row.coefficients:
+            for i in path(system.links, carrier.get(j, -1)):
+                own.update(system.links[i].columns)
+        result.append(own)
+    return result
 
 
 def enter_free_velocities(walk: Walk) -> None:

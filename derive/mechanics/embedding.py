@@ -52,6 +52,7 @@ from derive.mechanics.quadratic import (
     value_of,
 )
 from derive.mechanics.records import Inertia, Link, RowForm
+from derive.mechanics.tree import path
 
 
 @dataclass(frozen=True)
@@ -148,15 +149,15 @@ class _Sweep:
         self.ways: list[list[Replaced]] = []  # from a link's twist to those before joints on it
         self.seats: dict[tuple[int | float, ...], list[int]] = {}  # those, by carrier and arm
         self.unknowns: dict[int, int] = {}  # what stands for a velocity, where it is not itself
+        self.group_of = {
+            j: k for k, group in enumerate(groups) for pivots in group for j in pivots.columns
+        }
         for i, link in enumerate(links):
             self.depths.append(self.depths[link.parent] + 1 if link.parent >= 0 else 0)
             self._enter(i, link, rotors)
         self.form.lasting = {step.unknown for way in self.ways for step in way}
         for i in sorted({i for group in groups for x in group for i in x.rows}):
             self._put_row(i, rows[i])
-        self.group_of = {
-            j: k for k, group in enumerate(groups) for pivots in group for j in pivots.columns
-        }
         self.missing = [sum(len(x.columns) for x in group) for group in groups]
         self.waiting: set[int] = set()  # velocities that are reached and free
 
@@ -168,11 +169,19 @@ class _Sweep:
                 twist = self._turned(self.ways[link.parent], twist, transpose(matrix((factor,))))
         axes = [_seen(chain, axis) for axis in link.motion]
         spin = _spin(axes) if len(axes) == 1 and is_zero(rotors[link.columns[0]]) else None
-        if spin is not None and twist[spin.place] >= 0:
+        if spin is not None and twist[spin.place] >= 0 and self._may_be_its_spin(link):
             self._enter_turning(link.columns[0], twist, spin)
         else:
             self._enter_moving(link.columns, twist, axes)
         self.ways.append([])
+
+    def _may_be_its_spin(self, link: Link) -> bool:
+        """Rows hold the same beside the spin as beside the joint's velocity: where it is they that
+        give it, or where they give nothing of the links before it."""
+        if link.columns[0] in self.group_of:
+            return True
+        before = [j for i in path(self.links, link.parent) for j in self.links[i].columns]
+        return not self.group_of.keys() & {*before}
 
     def _enter_moving(
         self, columns: Sequence[int], twist: Sequence[int], axes: Sequence[Vector]

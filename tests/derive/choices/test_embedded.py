@@ -53,6 +53,11 @@ def test_the_sweep_gives_what_the_matrices_give(make: Callable[[int], str], n: i
     check(embedded(make(n)))
 
 
+def test_speeds_of_joints_behind_links_that_rows_hold() -> None:
+    """Of the rungs beside the links that carry them, not of their spins."""
+    check(embedded(ladder(4, "e")), 1e-8)
+
+
 def test_in_space_afloat_and_with_rotors() -> None:
     """Joints with several velocities, spins that rotors feel, axes that are not parallel."""
     check(embedded(ladder_afloat(2)), 1e-8)

@@ -21,6 +21,12 @@ DECAYED = 1e-6  # of what was one: less is looked at no closer than this
 NEWTON = 12  # iterations of a step
 SETTLED = 1e-14  # a change of the stages below this, relative to 1 + |x|, is the last
 
+# kinks
+ON_KINK = 1e-11  # in the model's own units: a motion so near to a kink lies on it
+ASIDE = 1e-8  # in the model's own units: how far beside a kink its pieces are taken
+BENDS = 1e-6  # of the largest slope: a difference between both sides that is one
+JUMPS = 1e-8  # against 1 + the largest slope: the same of rates
+
 # minimal
 MANY = 32  # points from which operations take longer than what calls them
 WEAK = 1e-9  # relative size of what is left of a row that repeats others

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import casadi as ca
 import numpy as np
 
 from derive.choices.records import Guard
 from derive.formulations.records import Equations
+
+
+class Kink(Enum):
+    """What a motion on a kink has on both sides: the same slopes,
+    others, or other forces."""
+
+    NONE = "none"
+    BENDS = "bends"
+    JUMPS = "jumps"
 
 
 @dataclass(frozen=True)
@@ -34,6 +44,8 @@ class Linear:
     C: ca.SX
     D: ca.SX
     guards: tuple[Guard, ...]  # pivots of the dependent coordinates
+    across: np.ndarray | None = None  # a way in x across kinks: A to D are the mean of both sides
+    kink: Kink = Kink.NONE
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from derive.choices.redundancy import check_repeated
 from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.cyclic import confirmed, cyclic_coordinates
+from derive.linearize.kinks import at_kink
 from derive.linearize.limits import DEPENDENT, SAME_ROWS, SPREADS, STUDY_SAMPLES
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
 from derive.linearize.records import Linear, Steady
@@ -155,7 +156,8 @@ def study(
         y = settled(result, p, s)
     _check_rank(equations, motion, y, p)
     check_pivots(result, y, p)
-    form = linear(equations, y[: equations.system.q.numel()], p)
+    x, u = np.split(y, [equations.arguments[1].symbols.numel()])
+    form = at_kink(linear(equations, x[: equations.system.q.numel()], p), (x, u, p))
     places = tuple(k for k, j in enumerate(form.independent) if j in left_out)
     remaining = tuple(k for k in range(len(form.states)) if k not in places)
     at = list(remaining)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from derive.diagnostics import AssumptionError
+from derive.linearize.kinks import mean_of_sides
 from derive.linearize.limits import CONSTANT, ROUNDED, SAME_ROWS
 from derive.linearize.minimal import position_rows
 from derive.linearize.records import Linear, Steady
@@ -202,10 +203,13 @@ def _matrix(
     state, rest = ca.vertcat(system.q, system.v), ca.vertcat(vdot, lam)
     residual = ca.vertcat(balance, row)
     sdot = ca.mtimes(L, vdot) + ca.jtimes(ca.mtimes(L, system.v), system.q, system.qdot)
+    forces = ca.jacobian(residual, state)
+    if form.across is not None:
+        forces = mean_of_sides(forces, state, _across(form, form.across, x, u, p))
     values = [
         residual,
         ca.jacobian(residual, rest),
-        ca.jacobian(residual, state),
+        forces,
         ca.jacobian(sdot, state),
         L,
     ]
@@ -234,6 +238,16 @@ def _matrix(
     inverse = np.linalg.inv(Ln)
     into = np.block([[np.eye(nq), np.zeros((nq, nv))], [-at_rest, inverse]])
     return G @ into
+
+
+def _across(
+    form: Linear, way: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray
+) -> np.ndarray:
+    """In (q, v) the way across kinks that is given in x."""
+    symbols = [a.symbols for a in form.equations.arguments]
+    v = _at(form, form.equations.system.v)
+    moved = ca.Function("across", symbols, [ca.mtimes(ca.jacobian(v, symbols[1]), way)])
+    return np.append(way[: form.equations.system.q.numel()], moved(0.0, x, u, p).full().ravel())
 
 
 def _solved(K: np.ndarray, right: np.ndarray, sizes: Sizes) -> np.ndarray:

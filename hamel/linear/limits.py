@@ -12,11 +12,6 @@ NOTHING = 1e-12  # a constant of the motion below this is zero
 ROUNDOFF = 1e-13  # of the largest entry: an entry below this is zero
 REAL = 1e-9  # of its size: a slope with less of an imaginary part is real
 
-# kinks
-ON_KINK = 1e-11  # in the model's own units: a function so small is zero
-BESIDE = 1e-7  # in the model's own units: how far beside a kink both sides are looked at
-BENDS = 1e-3  # of the largest slope: a difference between both sides that is one
-
 # words
 SEEN = 0.01  # relative amplitude below which a coordinate is not mentioned
 # of the largest amplitude, in the model's own units: less may be the rounding of a mode

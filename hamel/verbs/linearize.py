@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError
-from derive.formulations.evaluate import function_of
 from derive.formulations.frames import based
 from derive.linearize import study
 from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import evaluator
-from derive.linearize.records import Steady
+from derive.linearize.records import Kink, Steady
 from derive.linearize.sensitivity import Mode, modes
 from derive.linearize.steady import check_still, motion_of, moves
 from derive.linearize.study import Study
@@ -27,7 +26,7 @@ from derive.linearize.unreduced import unreduced
 from hamel.build.clock import Clock
 from hamel.build.files import write_text
 from hamel.build.stages import equations_of
-from hamel.linear.limits import BENDS, BESIDE, ON_KINK, SAME
+from hamel.linear.limits import SAME
 from hamel.linear.page import page
 from hamel.linear.ranges import ranges, started, values
 from hamel.linear.sweep import Sweep, swept
@@ -93,34 +92,17 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
     return replace(record, page=place)
 
 
+OF_KINKS = {
+    Kink.BENDS: "a force bends exactly here: slopes are the mean of those on both sides",
+    Kink.JUMPS: "a force jumps exactly here: slopes are the mean of those on both sides, and leave "
+    "the jump out",
+}
+
+
 def _warn_of_kinks(study: Study) -> None:
-    """Where forces jump or bend there is no slope, and what comes out is between both sides. A
-    function of `kinks` that is zero says where to look: |v| v is smooth there."""
-    makes = [request.make for request in study.equations.requests if request.name == "kinks"]
-    if not makes or makes[0] is None:
-        return
-    motions = study.motions({})
-    x, u, p = motions.x[0], motions.u[0], motions.p[0]
-    function = function_of(study.equations, makes[0]())
-    values = np.array(function(0.0, x, u, p)).ravel()
-    slopes = np.array(function.jacobian()(0.0, x, u, p, values)[1])
-    if any(_differ(study, x, u, p, slopes[k]) for k in np.flatnonzero(abs(values) <= ON_KINK)):
-        said = "a force jumps or bends exactly here: slopes are between those of both sides"
+    """Where forces jump or bend there is no slope, and what comes out is a mean."""
+    if said := OF_KINKS.get(study.linear.kink):
         warnings.warn(f"{study.equations.system.model.name}: {said}", RuntimeWarning, stacklevel=3)
-
-
-def _differ(study: Study, x: np.ndarray, u: np.ndarray, p: np.ndarray, across: np.ndarray) -> bool:
-    """Whether slopes or rates are others on both sides of x, along a direction across the kink."""
-    size = float(np.linalg.norm(across))
-    if not size:
-        return False  # of the time alone
-    sides = np.array([x + side * BESIDE * across / size for side in (-1.0, 1.0)])
-    before, after = study.A(sides, np.array([u, u]), np.array([p, p]))
-    rates = function_of(study.equations, "dynamics")
-    below, above = (np.array(rates(0.0, side, u, p)).ravel() for side in sides)
-    largest = float(np.abs([before, after]).max(initial=0.0))
-    bends = np.abs(after - before).max(initial=0.0) > BENDS * largest
-    return bool(bends or np.abs(above - below).max(initial=0.0) > BESIDE * (1.0 + largest) / BENDS)
 
 
 def _record(study: Study, made: Sweep, clock: Clock) -> Linearized:

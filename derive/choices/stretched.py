@@ -19,11 +19,12 @@ import casadi as ca
 import numpy as np
 
 from derive.mechanics.records import System
-from derive.states.closing import Kinematics
+from derive.states.closing import Kinematics, closed, nominal
 from derive.states.sampling import States, row_lengths
-from derive.states.scales import scales
+from derive.states.scales import scaled, scales
 
 STEP = 1e-3  # of the natural size of a velocity, along which A is seen to change
+PATIENT = 300  # steps of Newton: where slopes vanish with φ each only halves what is left
 ROUNDING = 2e-16  # of the length of its row: φ is no smaller
 
 
@@ -52,3 +53,20 @@ def kantorovich(
     along = np.einsum("kj,kji->ki", parts / step[:, None], right)
     change = np.linalg.norm(rows(STEP * along) / lengths - A, ord=2, axis=(1, 2))
     return change / STEP * step / sizes[:, -1]
+
+
+def consistent_start(system: System) -> States | None:
+    """The configuration that the initial values lead to at t = 0, singular or not, at rest: guesses
+    move, else everything may. None where Newton's steps lead to none."""
+    own, model = scales(system.model), system.model
+    whole = system if own.plain else scaled(system, own)
+    held = {x.name for x in model.initial if x.held}
+    free = np.array([c.name not in held for c in model.coordinates])
+    p = np.array(whole.parameters, dtype=float)
+    for choice in (free, np.ones(len(free), dtype=bool)):
+        q = closed(Kinematics(whole), 0.0, nominal(whole), p, choice, steps=PATIENT)
+        if q is not None:
+            q = q * own.all_of(c.unit for c in model.coordinates)
+            v, u = (np.zeros((1, x.numel())) for x in (system.v, system.u))
+            return States(np.zeros(1), q[None], v, u, np.array([system.parameters]))
+    return None

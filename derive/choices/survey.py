@@ -29,11 +29,11 @@ from derive.choices.redundancy import (
     selected,
     sentences,
 )
-from derive.choices.stretched import kantorovich
+from derive.choices.stretched import consistent_start, kantorovich
 from derive.diagnostics import AssumptionError, ModelError
 from derive.mechanics.records import RowForm, System
 from derive.model.constraint_records import Holonomic
-from derive.model.records import Velocity
+from derive.model.records import Model, Velocity
 from derive.states.closing import Kinematics
 from derive.states.independence import independent
 from derive.states.initial import initial_state
@@ -284,25 +284,38 @@ def survey_of(system: System, moving: bool = False) -> Survey:
     look independent."""
     result = Survey(system, moving)
     if not len(result.sampled.t):
+        _check_start(result)
         raise no_states(system)
     _check_regular(result)
     return result
+
+
+def _check_start(survey: Survey) -> None:
+    """Raises AssumptionError where there is no admissible state but a singular one, at which the
+    walks that look for others begin."""
+    rows = [i for i, row in enumerate(survey.system.rows) if row.position >= 0]
+    if survey.solver.many_rows or not rows:
+        return
+    start = consistent_start(survey.system)
+    if start is not None and kantorovich(survey.system, survey.solver, start, rows)[0] > STRETCHED:
+        raise _stretched(survey.system.model)
 
 
 def _check_regular(survey: Survey) -> None:
     """Raises AssumptionError where most of the sampled states are singular positions."""
     if survey.solver.many_rows or not survey.closing:
         return
-    model = survey.system.model
-    if (
-        np.median(kantorovich(survey.system, survey.solver, survey.sampled, survey.closing))
-        > STRETCHED
-    ):
-        raise AssumptionError(
-            f"{model.name}: constraints depend on each other at every consistent state that was "
-            "found: it fits together at singular positions alone, where no motion is determined",
-            "other lengths: with these it is stretched, or folded, to fit",
-        )
+    found = kantorovich(survey.system, survey.solver, survey.sampled, survey.closing)
+    if np.median(found) > STRETCHED:
+        raise _stretched(survey.system.model)
+
+
+def _stretched(model: Model) -> AssumptionError:
+    return AssumptionError(
+        f"{model.name}: constraints depend on each other at every consistent state that was "
+        "found: it fits together at singular positions alone, where no motion is determined",
+        "other lengths: with these it is stretched, or folded, to fit",
+    )
 
 
 def ways_of(blocks: Blocks) -> list[list[RowForm]]:

@@ -247,6 +247,7 @@ def closed(
     p: np.ndarray,
     free: np.ndarray | None = None,
     by_row: bool = False,
+    steps: int = NEWTON,
 ) -> np.ndarray | None:
     """q moved onto φ = 0 by damped Gauss–Newton in the `free` coordinates, or None where that
     fails.
@@ -257,7 +258,7 @@ def closed(
     row is judged in its own unit, which need not be that of the coordinates.
     """
     weights = np.ones(len(q)) if free is None else free.astype(float)
-    for _ in range(NEWTON):
+    for _ in range(steps):
         phi, J = solver.position_rows(t, q, p)
         if not (np.all(np.isfinite(phi)) and _is_finite(J)):
             return None

@@ -37,9 +37,9 @@ def run(path: str | PathLike[str]) -> Checked:
     """
     model = load(path)
     mechanics = mechanics_of(model)
+    usable, refused = usable_choices(mechanics)  # first: it tells what is stretched to fit
     initial = initial_state(mechanics)
     rank = _rank(mechanics, initial.q)
-    usable, refused = usable_choices(mechanics)
     default = next(iter(usable.values()))
     return Checked(
         model=model.name,

@@ -5,10 +5,13 @@ Of derive.choices: stretched, survey.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+import hamel
 from derive.choices.survey import survey_of
-from derive.diagnostics import AssumptionError
+from derive.diagnostics import AssumptionError, ModelError
 from derive.model import load_text
 from derive.states import system
 
@@ -74,6 +77,35 @@ joints:
   j2: {type: revolute, parent: A, child: B, at: [1, 0], coordinate: q2}
 constraints: {rod: {type: distance, between: [ground, B], at: [[0, 0], [1, 0]], length: 2 m}}
 """
+LINKS = """
+model: links
+plane: xy
+bodies: {A: {mass: 1 kg, inertia: 0.01}, B: {mass: 1 kg, inertia: 0.01}}
+joints:
+  j1: {type: revolute, parent: ground, child: A, coordinate: q1}
+  j2: {type: revolute, parent: A, child: B, at: [1, 0], coordinate: q2}
+constraints: {rod: {type: distance, between: [ground, B], at: [[APART m, 0], [1, 0]], length: 1 m}}
+initial: {guess: {q1: FIRST deg, q2: SECOND deg}}
+"""
+
+
+def links(apart: str, first: str, second: str) -> str:
+    return LINKS.replace("APART", apart).replace("FIRST", first).replace("SECOND", second)
+
+
+@pytest.mark.parametrize(("first", "second"), [("0", "0"), ("10", "-20"), ("1", "-3")])
+def test_a_single_place_to_be_is_told_as_such(first: str, second: str, tmp_path: Path) -> None:
+    """A row that is nowhere less than zero: walks find nothing else beside it, and Newton's steps
+    come to it slowly. It was said that no configuration satisfies the constraints."""
+    file = tmp_path / "links.yaml"
+    file.write_text(links("3", first, second), encoding="utf-8")
+    with pytest.raises(AssumptionError, match="fits together at singular positions alone"):
+        hamel.check(file)
+
+
+def test_what_cannot_be_reached_is_told_as_such() -> None:
+    with pytest.raises(ModelError, match=r"no configuration near .* \(rod is off by"):
+        survey_of(system(load_text(links("3.0001", "10", "-20"))))
 
 
 @pytest.mark.parametrize("text", [RODS.replace("APART", "2"), CHAIN], ids=["rods", "chain"])

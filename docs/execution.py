@@ -1,8 +1,8 @@
 """The code of a page is run as a reader would: its blocks from top to bottom, in one folder.
 
 * a `yaml` block that begins with `model: NAME` is saved as NAME.yaml;
-* a `python` block that begins with `# NAME.py` is saved under that name, others are one program,
-  run when the page ends;
+* a `python` block that begins with `# NAME.py` or `# FOLDER/NAME.py` is saved there, others are one
+  program, run when the page ends with `generated` on the path;
 * an `sh` block is run line by line, and each line must end with code 0;
 * a `console` block is run, and must say what the page shows; `…` stands for anything.
 
@@ -18,6 +18,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -71,7 +72,7 @@ def _run(text: str, folder: Path) -> None:
         first = block.partition("\n")[0]
         if language == "yaml" and first.startswith("model: "):
             (folder / f"{first.split()[1]}.yaml").write_text(block, "utf-8")
-        elif language == "python" and re.fullmatch(r"# \w+\.py", first):
+        elif language == "python" and re.fullmatch(r"# (\w+/)?\w+\.py", first):
             (folder / first.removeprefix("# ")).write_text(block, "utf-8")
         elif language == "python":
             program += block
@@ -81,7 +82,7 @@ def _run(text: str, folder: Path) -> None:
         elif language == "console":
             _session(block, folder)
     if program:
-        _checked([sys.executable, "-c", program], folder, "its program")
+        _checked([sys.executable, "-c", program], folder, "its program", [folder / "generated"])
 
 
 def _command(line: str, folder: Path) -> None:
@@ -95,14 +96,17 @@ def _argv(words: list[str]) -> list[str]:
     return [*own.get(words[0], words[:1]), *words[1:]]
 
 
-def _checked(argv: list[str], folder: Path, line: str) -> None:
-    done = _done(argv, folder)
+def _checked(argv: list[str], folder: Path, line: str, further: Sequence[Path] = ()) -> None:
+    done = _done(argv, folder, further)
     if done.returncode:
         raise Wrong(f"'{line}' ends with code {done.returncode}\n{done.stdout}")
 
 
-def _done(argv: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    paths = [str(folder / "generated"), str(folder), str(ROOT)]
+def _done(
+    argv: list[str], folder: Path, further: Sequence[Path] = ()
+) -> subprocess.CompletedProcess[str]:
+    """With the package on the path, and nothing else that a reader has not put there."""
+    paths = [*map(str, further), str(ROOT)]
     own = {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "130"}
     return subprocess.run(
         argv,

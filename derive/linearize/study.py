@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from derive.choices.redundancy import check_repeated
-from derive.diagnostics import AssumptionError, did_you_mean, listed
+from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations.records import Equations
 from derive.linearize.cyclic import confirmed, cyclic_coordinates
 from derive.linearize.kinks import at_kink
@@ -263,7 +263,7 @@ def _samples(study: Study) -> np.ndarray:
             changed[name] += spread * rng.uniform(0.1, 1)
         try:
             motions = study.motions({name: [value] for name, value in changed.items()})
-        except AssumptionError:
+        except (AssumptionError, ModelError):
             continue
         stacks.append(study.matrices(motions))
         if len(stacks) == STUDY_SAMPLES:

@@ -17,6 +17,7 @@ from derive.choices.locks import LOCK
 from derive.choices.orthonormal import LENGTH
 from derive.formulations.evaluate import slots_of
 from derive.mechanics.limits import COFACTORS
+from derive.states.sampling import states
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, slope, worst
 from hamel.verify.checks.evidence import Evidence
@@ -30,6 +31,7 @@ from hamel.verify.reference.vectors import Array
 
 SEEN = 3  # states at which every coordinate is moved
 SHIFT = 1e-3  # of a coordinate in the model's own units, for differences of fourth order
+OWN = 10  # states at which rows are as long as the parameters of the file make them
 USUAL = 8.0  # a row's usual length is a median over other states than those that are looked at
 
 
@@ -196,12 +198,29 @@ def rows_as_they_are(e: Evidence) -> float | None:
     ours = np.array([_filled(e, values) for values in e.results("constraint_rows")])
     lengths = [np.median(np.linalg.norm(x, axis=2), axis=0) for x in (ours, wanted)]
     powers = 2.0 ** np.round(np.log2(lengths[0] / lengths[1]))
-    usual = 1.0 / USUAL < np.min(lengths[0]) <= np.max(lengths[0]) < USUAL
+    usual = _about_one(lengths[0]) or _about_one(_own_lengths(e))
     dependent = any(rank_of(A) < s.outcome.rank for A, s in zip(wanted, e.samples))
     sums = Sums(TERMS, [1.0 + worst(s.q / e.units.q) for s in e.samples])
     unit = powers[:, None] * e.units.A[rows]
     error = deviation([*ours], [*(powers[:, None] * wanted)], unit=unit, sums=sums)
     return error if usual and not dependent else np.inf
+
+
+def _about_one(lengths: Array) -> bool:
+    return bool(1.0 / USUAL < np.min(lengths) <= np.max(lengths) < USUAL)
+
+
+def _own_lengths(e: Evidence) -> Array:
+    """Of each row with the parameters of the file: others may take a mechanism that is all but
+    stretched to where its rows are a thousand times as long."""
+    found = states(e.system, OWN)
+    further = np.zeros(e.x[0].size - found.q.shape[1])
+    own = found.p[:, : e.system.own_p.numel()]
+    rows = [
+        _filled(e, e.graph("constraint_rows", t, np.append(q, further), u, p))
+        for t, q, u, p in zip(found.t, found.q, found.u, own)
+    ]
+    return np.median(np.linalg.norm(rows, axis=2), axis=0) if rows else np.zeros(1)
 
 
 def _filled(e: Evidence, values: Array) -> Array:

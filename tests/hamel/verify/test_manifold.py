@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import casadi as ca
 import pytest
 
+import hamel
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.formulations.records import Equations
@@ -225,3 +227,32 @@ def test_the_mutations_in_these_functions_are_caught(case: str) -> None:
     planted = [x for x in found.list if x.where.removesuffix("()") in own_functions(e)]
     assert len(planted) >= 10
     assert [x for x in planted if not x.caught_by] == []
+
+
+NEARLY = """
+model: nearly
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {l: 1 m}
+bodies: {a: {mass: 1 kg, com: [0.5, 0], inertia: 0.1}, b: {mass: 1 kg, com: [0.5, 0], inertia: 0.1}}
+joints:
+  h: {type: revolute, parent: ground, child: a, coordinate: q}
+  g: {type: revolute, parent: a, child: b, at: [l, 0], coordinate: r}
+closures: {C: {type: revolute, between: [ground, b], at: [[APART m, 0], [l, 0]]}}
+initial: {guess: {q: 10 deg, r: -20 deg}}
+"""
+
+
+def test_what_is_nearly_stretched_is_as_right_as_its_check_says(tmp_path: Path) -> None:
+    """With other lengths a row is a thousand times as long, and it was told to be not finite."""
+    file = tmp_path / "nearly.yaml"
+    file.write_text(NEARLY.replace("APART", "1.9999999"), encoding="utf-8")
+    assert hamel.check(file).degrees_of_freedom == 0
+    hamel.build(file, out=tmp_path / "nearly")
+
+
+def test_parameters_that_do_not_close_are_no_motion_near_by(tmp_path: Path) -> None:
+    """`verify` ended with the message that no configuration satisfies the constraints."""
+    file = tmp_path / "nearly.yaml"
+    file.write_text(NEARLY.replace("APART", "1.999999"), encoding="utf-8")
+    assert hamel.verify(file, states=10).passed

@@ -55,7 +55,7 @@ _CAUSES = {
     Status.JUMP: "a constraint jumps here, as where a rope comes off its pulley, an angle goes on "
     "by a turn or a prescribed velocity becomes another at once: the motion has no way on",
     Status.HELD: "forces jump here and hold the motion, as dry friction by sign does where it "
-    "sticks: no step is short enough to follow them",
+    "sticks: at the pace of its steps here the whole would take over 1e10 of them",
 }
 
 

@@ -17,7 +17,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.linalg import null_space
 from scipy.signal import butter, sosfiltfilt
 
-from derive.diagnostics import ModelError, did_you_mean, listed
+from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations.evaluate import function_of, slots_of
 from derive.formulations.records import Equations
 from derive.states.closing import Kinematics, closed, nominal
@@ -98,13 +98,15 @@ def table(file: str | Path) -> dict[str, Array]:
 
 def measured(equations: Equations, file: str | Path, cutoff: float | None) -> Measured:
     """The motion of a file. Raises ModelError for columns that are missing and no loop tells, times
-    that do not rise evenly, and positions that the loops cannot be closed at."""
+    that do not rise evenly, and positions that the loops cannot be closed at; AssumptionError where
+    nothing moves."""
     model, columns = equations.system.model, table(file)
     names = [x.name for x in model.coordinates]
     velocities = [x.name for x in model.velocities]
     rates = [f"der({name})" for name in velocities]
     t = _time(file, columns)
     _check(equations, file, columns)
+    _check_moves(file, {n: columns[n] for n in names if n in columns})
     low = None if all(name in columns for name in rates) else _filter(t, columns, names, cutoff)
     smooth = low or (lambda x: x)
     q = _positions(equations, t, {n: smooth(columns[n]) for n in names if n in columns}, file)
@@ -174,6 +176,16 @@ def _check(equations: Equations, file: str | Path, columns: dict[str, Array]) ->
     wanted = {x.name for x in model.coordinates}
     if not wanted & {*columns}:
         raise ModelError(f"{file} has no column of a coordinate", listed(sorted(wanted)))
+
+
+def _check_moves(file: str | Path, coordinates: dict[str, Array]) -> None:
+    rows = len(next(iter(coordinates.values())))
+    if not any(np.ptp(column) for column in coordinates.values()):
+        still = f"{listed(list(coordinates))} stay as they are"
+        raise AssumptionError(
+            f"nothing moves in {file}: in all {rows} rows {still}",
+            "a motion that moves every joint; --excite finds one",
+        )
 
 
 def _check_inputs(equations: Equations, file: str | Path, columns: dict[str, Array]) -> None:

@@ -417,7 +417,9 @@ def _range(name: str, text: str, value: Value) -> tuple[float, ...]:
     if len(parts) not in (2, 3) and not logarithmic:
         raise ModelError(f"{name} varies over '{text}'", expected)
     count = COUNT if len(parts) == 2 else int(parts[2]) if parts[2].isdecimal() else 0
-    if not 1 <= count <= WHOLE:
+    if count > WHOLE:
+        raise ModelError(f"{name} varies over '{text}'", f"at most {WHOLE:,} values of one name")
+    if not count:
         raise ModelError(f"{name} varies over '{text}', with '{parts[2]}' values", expected)
     first, last = value(name, parts[0]), value(name, parts[1])
     if not logarithmic:

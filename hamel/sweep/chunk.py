@@ -25,8 +25,11 @@ Move = tuple[int, str, float, float]  # motion, name, what was given, what is us
 
 NOT_ASSEMBLED, INADMISSIBLE = 100, 101
 CAUSES = {
-    int(Status.MORE): "a million steps were not enough: it is stiff, which `--integrator radau` is "
-    "for, or forces jump and hold it, as dry friction by sign does where it sticks",
+    int(
+        Status.MORE
+    ): "a million steps were not enough: forces that jump hold it, as dry friction by "
+    "sign does where it sticks and tanh(v/eps) does not, or it is stiff, which `--integrator "
+    "radau` is for",
     NOT_ASSEMBLED: "it cannot be assembled: no state near the initial values satisfies the "
     "constraints",
     INADMISSIBLE: "a mass or moment of inertia is negative, or a value is not finite",

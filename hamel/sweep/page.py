@@ -153,7 +153,7 @@ def _map(each: KeptColumn, values: np.ndarray, grids: list[np.ndarray], labels: 
         [one(edge) for edge in cells.edges] for one, cells in ((frame.x, alongs), (frame.y, ups))
     ]
     finite = shown[np.isfinite(shown)]
-    low, high = (float(np.quantile(finite, q)) for q in (0.01, 0.99)) if len(finite) else (0.0, 1.0)
+    low, high = _colours(finite)
     parts = []
     for i, row in enumerate(shown):
         for j, value in enumerate(row):
@@ -165,19 +165,29 @@ def _map(each: KeptColumn, values: np.ndarray, grids: list[np.ndarray], labels: 
     beside = element("g", text(0, 0, labels[0], anchor="middle"), transform=turned)
     title = text(LEFT, 18, each.name, "title")
     around = [title, *frame.columns(16, grid=False), *frame.rows(grid=False)]
-    parts += [*_key(frame, low, high), frame.border(), below, beside]
+    parts += [*_key(frame, finite, low, high), frame.border(), below, beside]
     return document(WIDTH, HEIGHT, [*around, *parts], STYLE)
 
 
-def _key(frame: Frame, low: float, high: float) -> list[str]:
+def _colours(finite: np.ndarray) -> tuple[float, float]:
+    """The numbers between which colours change: of many a hundredth may be beyond at each end."""
+    if not len(finite):
+        return 0.0, 1.0
+    low = np.quantile(finite, 0.01, method="lower")
+    high = np.quantile(finite, 0.99, method="higher")
+    return float(low), float(high)
+
+
+def _key(frame: Frame, finite: np.ndarray, low: float, high: float) -> list[str]:
     """What the colours stand for."""
     parts = []
     for k in range(11):
         x, y = WIDTH - RIGHT + 16, frame.bottom - (k + 1) * KEY
         colour = _colour(low + (high - low) * k / 10, low, high)
         parts.append(element("rect", x=float(x), y=y, width=KEY, height=KEY, fill=colour))
-    parts.append(text(WIDTH - RIGHT + 34, frame.bottom, f"{low:.3g}"))
-    parts.append(text(WIDTH - RIGHT + 34, frame.bottom - 10 * KEY, f"{high:.3g}"))
+    least, most = ("≤ " if (finite < low).any() else ""), ("≥ " if (finite > high).any() else "")
+    parts.append(text(WIDTH - RIGHT + 34, frame.bottom, f"{least}{low:.3g}"))
+    parts.append(text(WIDTH - RIGHT + 34, frame.bottom - 10 * KEY, f"{most}{high:.3g}"))
     return parts
 
 

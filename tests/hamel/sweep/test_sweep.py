@@ -297,6 +297,7 @@ def test_files_of_columns_vary_together(tmp_path: Path) -> None:
         ({"vary": {"m": "normal(1 kg, 0 kg)"}}, "deviation is not above zero"),
         ({"vary": {"m": "loguniform(0, 1)"}}, "low is not above zero"),
         ({"vary": {"m": "1:2:x"}}, "with 'x' values"),
+        ({"vary": {"m": "1:2:1000000000"}}, "at most 10,000,000 values of one name"),
         ({"vary": {"m": "1 s:2 s:3"}}, "no quantity in kg"),
         ({"vary": {"m": [1.0, 1e300]}}, "too large"),
         ({"vary": {"rtol": "1e-6, tight"}}, "'tight', which is no number"),

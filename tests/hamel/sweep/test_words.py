@@ -1,7 +1,7 @@
 """What a sweep says of itself: counts that agree with their nouns, a rate that agrees with its time,
 what may fail, and a page whose cells stand at their values.
 
-Of hamel.sweep: drive, page.
+Of hamel.sweep: chunk, drive, page.
 Of hamel.verbs: sweep.
 """
 
@@ -17,8 +17,10 @@ import pytest
 from rich.console import Console
 
 import hamel
+from codegen.runtime.simulation import Status
 from derive.diagnostics import AssumptionError, HamelError
-from hamel.sweep.page import _Cells
+from hamel.sweep.chunk import cause
+from hamel.sweep.page import _Cells, _colours
 from hamel.verbs.sweep import show
 
 MODEL = """
@@ -126,3 +128,15 @@ def test_edges_of_cells_are_halfway_between_values() -> None:
     assert by_factors.axis.log and by_factors.axis.ticks[0][1] == "1e-2"
     assert _Cells.of(np.array([2.0, 2.0])).edges == [1.0, 3.0]
     assert _Cells.of(np.array([0.0])).edges == [-0.5, 0.5]
+
+
+def test_colours_begin_at_the_lowest_of_few_cells() -> None:
+    """One motion was said to have 0.212, and the key began at 0.231."""
+    assert _colours(np.linspace(1.0, 2.0, 60)) == (1.0, 2.0)
+    low, high = _colours(np.arange(1001.0))
+    assert (low, high) == (10.0, 990.0)
+
+
+def test_what_took_too_many_steps_is_told_with_friction_first() -> None:
+    said = cause(int(Status.MORE))
+    assert said.index("friction by sign") < said.index("stiff")

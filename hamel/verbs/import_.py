@@ -6,8 +6,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from derive.diagnostics import ModelError, counted
+from derive.choices.survey import survey_of
+from derive.diagnostics import HamelError, ModelError, counted
+from derive.expressions.evaluate import number
+from derive.formulations.fitness import check_determined
+from derive.model.records import Model
 from derive.robots.reading import imported
+from derive.states import system
 from hamel.build.files import write_text
 from hamel.records import Imported
 
@@ -19,7 +24,8 @@ def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Im
     """The model file for a URDF or MJCF robot, written to `out` or only returned as text;
     `floating`: the base moves freely.
 
-    Raises ModelError where the result would overwrite the robot's own file.
+    Raises ModelError where the result would overwrite the robot's own file, AssumptionError where
+    nothing determines how a body without mass moves.
     """
     file = Path(out) if out else None
     if file and file.exists() and Path(path).exists() and file.samefile(path):
@@ -27,6 +33,7 @@ def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Im
             f"{path} would be overwritten by its own model", "give another file with -o"
         )
     robot = imported(path, floating)
+    _check_massless(robot.model)
     if file:
         write_text(file, robot.text)
     return Imported(
@@ -40,6 +47,19 @@ def run(path: str | PathLike[str], out: str | Path | None, floating: bool) -> Im
         left_out=robot.left_out,
         text=robot.text,
     )
+
+
+def _check_massless(model: Model) -> None:
+    """As `check` does. What else is to be mended there, as loops that do not close, can be in the
+    model's file."""
+    values = {x.name: x.value for x in model.parameters}
+    if all(number(body.mass, values) for body in model.bodies):
+        return
+    try:
+        survey = survey_of(system(model))
+    except HamelError:
+        return
+    check_determined(survey)
 
 
 def show(record: Imported, console: Console) -> None:

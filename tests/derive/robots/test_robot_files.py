@@ -14,7 +14,7 @@ import pytest
 
 import hamel
 from derive.choices.limits import MOST_SUBSETS
-from derive.diagnostics import ModelError
+from derive.diagnostics import HamelError, ModelError
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.model import load_text
@@ -378,3 +378,18 @@ def test_an_impossible_inertia_on_the_ground_is_left_away(tmp_path):
     assert "left away: it never moves" in found.text
     with pytest.raises(ModelError, match="no body has the inertia of 'base'"):
         imported(hamel.RobotFile(file, floating=True))
+
+
+NOTHING_HOLDS = """<robot name="z"><link name="b"/><link name="c"/><link name="d"><inertial><mass value="1"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j" type="continuous"><parent link="b"/><child link="c"/></joint>
+<joint name="k" type="floating"><parent link="c"/><child link="d"/></joint></robot>"""
+
+
+def test_what_check_refuses_for_want_of_mass_is_not_imported(tmp_path: Path) -> None:
+    """A link without mass between a hinge and a free joint: it may turn as it likes."""
+    file = tmp_path / "z.urdf"
+    file.write_text(NOTHING_HOLDS, encoding="utf-8")
+    with pytest.raises(HamelError, match="the axes of the joints j, k depend on each other"):
+        hamel.import_(file, out=tmp_path / "z.yaml")
+    assert not (tmp_path / "z.yaml").exists()

@@ -14,15 +14,21 @@ from dataclasses import replace
 import casadi as ca
 
 from derive.choices.elimination import Elimination, Speeds, elimination
-from derive.choices.explicit import Explicit, forces_at, forces_on_tree, reduced_mass
+from derive.choices.explicit import (
+    Explicit,
+    Nearest,
+    forces_at,
+    forces_on_tree,
+    reduced_mass,
+)
 from derive.choices.limits import EMBEDDED, FULL
 from derive.choices.reduction import Reduction, Task, Way
 from derive.choices.survey import Survey
 from derive.choices.walk import Dependent, Step, Undetermined, is_single, unknowns_of
 from derive.expressions.counting import alternatives, operations
 from derive.expressions.deferred import Deferred
-from derive.expressions.scalars import Vector
-from derive.mechanics.embedding import Embedded, Pivots, embedded
+from derive.expressions.scalars import Scalar, Vector
+from derive.mechanics.embedding import Embedded, Pivots, embedded, held
 from derive.mechanics.gauss import is_of_links
 from derive.mechanics.records import RowForm, System
 from derive.mechanics.solve import scalars
@@ -61,7 +67,24 @@ def by_embedding(
     best = _fewest([_column(x.motion(_entries(force))[0]) for x in sweeps])
     result = replace(reduction, v=v, sigma=sigma, walked=None)
     kept = () if survey.combines or not _same_rows(found[best][0], ways[0]) else task.kept
-    return result, _explicit(survey.system, result, sweeps[best], kept)
+    equations = _explicit(survey.system, result, sweeps[best], kept)
+    first = [x for x in found if not survey.combines and _same_rows(x[0], ways[0])]
+    return result, replace(equations, nearest=_nearest(survey, *first[0]) if first else None)
+
+
+def _nearest(survey: Survey, way: Way, walked: Elimination) -> Nearest | None:
+    """The least δ in the metric of M for A δ of the kept rows."""
+    system = survey.system
+    groups = _pivots(system, way, walked)
+    if {i for group in groups for x in group for i in x.rows} != {*survey.kept}:
+        return None
+
+    def step(sides: Sequence[Scalar]) -> Vector:
+        rotors = _entries(ca.diag(system.M_extra))
+        sweep = held(system.links, system.inertias[-1], rotors, way.rows, groups)
+        return sweep.motion([0.0] * len(rotors), dict(zip(survey.kept, sides)))[0]
+
+    return step
 
 
 def _same_rows(way: Way, first: Way) -> bool:
@@ -81,13 +104,16 @@ def _fewest(results: Sequence[ca.SX]) -> int:
 
 
 def _sweep(system: System, way: Way, walked: Elimination) -> Embedded:
-    rotors = _entries(ca.diag(system.M_extra))
+    rotors, groups = _entries(ca.diag(system.M_extra)), _pivots(system, way, walked)
+    return embedded(system.links, system.inertias[-1], rotors, way.rows, groups)
+
+
+def _pivots(system: System, way: Way, walked: Elimination) -> list[list[Pivots]]:
     steps = [step for step in walked.steps if step.rows[0] < len(way.rows)]
-    groups = [
+    return [
         [Pivots(step.rows, tuple(key[1] for key in step.keys)) for step in group]
         for group in _groups(system, way, steps)
     ]
-    return embedded(system.links, system.inertias[-1], rotors, way.rows, groups)
 
 
 def _groups(system: System, way: Way, steps: Sequence[Step]) -> list[list[Step]]:

@@ -41,11 +41,15 @@ from derive.mechanics.tree import (
     momentum,
 )
 
+Nearest = Callable[[Sequence[Scalar]], Vector]
+
 
 @dataclass(frozen=True)
 class Explicit:
     """q̇, ẇ and v̇ over (t, q, w, u, p), with the reduced mass matrix and force they come from;
-    `solve` gives the ẇ of mass ẇ = f for other f, none where nothing is written out."""
+    `solve` gives the ẇ of mass ẇ = f for other f, none where nothing is written out; `nearest` the
+    least δ in the metric of M for the A δ of the kept rows, where a way to it is known that no
+    pivot of the choice is in."""
 
     qdot: ca.SX
     operations: int  # none where they are not written out
@@ -55,6 +59,7 @@ class Explicit:
     mass: Term[ca.SX] = Term()
     force: Term[ca.SX] = Term()
     solve: Callable[[Vector], Vector] | None = None
+    nearest: Nearest | None = None
     lam: ca.SX | None = None  # of the independent rows, where it is found on the way
 
     def named(self, reduction: Reduction) -> tuple[Named, ...]:

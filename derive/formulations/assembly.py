@@ -96,6 +96,7 @@ def _minimal(
         lam=ca.SX(0, 1) if survey.combines else lam[list(survey.kept), :],
         shift=Deferred(lambda: _shift(survey, reduction, Y), Y.size2()),
         solve=found.solve,
+        nearest=found.nearest,
     )
 
 

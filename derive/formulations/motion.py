@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from derive.choices.records import Frame, Guard
 from derive.expressions.deferred import Term
-from derive.expressions.scalars import Vector
+from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.records import Argument
 from derive.mechanics.records import Named, System
 
@@ -30,6 +30,7 @@ class Minimal:
     force: Term[ca.SX] = Term()
     shift: Term[ca.SX | None] = Term()
     solve: Callable[[Vector], Vector] | None = None
+    nearest: Callable[[Sequence[Scalar]], Vector] | None = None  # least δ of A δ, in the metric M
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from derive.diagnostics import HamelError
 from derive.expressions.counting import alternatives
 from derive.expressions.scalars import Vector
 from derive.formulations.limits import (
+    BORDERED,
     CLOSED,
     FEW_ROWS,
     MANY,
@@ -178,9 +179,18 @@ def _position_step(system: System, motion: Motion) -> ca.SX:
     # holonomic rows of A are φ_q N: a step over v that meets A δ = −φ, and q moves by N δ
     change: Vector = [-system.phi[system.rows[i].position] for i in closing]
     A, step = system.A[closing, :], _at_rest(system, motion)
-    known = [step] if step is not None else [_by_bordered_matrix(system, A, change)]
-    step = _cheapest([*known, *_by_recursion(system, A, change)])
-    return ca.substitute(system.qdot, system.v, step)
+    found = [x for x in (step, *_by_loops(motion, change)) if x is not None]
+    found += _by_recursion(system, A, change)
+    if not found or (step is None and system.v.numel() <= BORDERED):
+        found.append(_by_bordered_matrix(system, A, change))
+    return ca.substitute(system.qdot, system.v, _cheapest(found))
+
+
+def _by_loops(motion: Motion, change: Vector) -> Iterator[ca.SX]:
+    """Loop by loop, where no pivot of the choice is in the way."""
+    of = motion.minimal
+    if of is not None and of.nearest is not None and motion.kept == motion.closing:
+        yield ca.vertcat(*of.nearest(change))
 
 
 def _least_step(system: System, A: ca.SX, change: Vector) -> ca.SX:

@@ -19,7 +19,7 @@ Sources: R. Featherstone 1983; A. Jain, Multibody System Dynamics 22 (2009) 225�
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
@@ -70,10 +70,16 @@ class Embedded:
 
     nv: int
     steps: tuple[Step, ...]
+    multipliers: dict[int, int] = field(default_factory=dict[int, int])  # unknowns λ, by row
 
-    def motion(self, tau: Vector) -> tuple[Vector, dict[int, Scalar]]:
-        """v̇ (nv), A v̇ = 0, of forces (nv) conjugate to v, and λ of the rows, of M v̇ = τ + Aᵀ λ."""
+    def motion(
+        self, tau: Vector, sides: Mapping[int, Scalar] | None = None
+    ) -> tuple[Vector, dict[int, Scalar]]:
+        """v̇ (nv), A v̇ = 0, of forces (nv) conjugate to v, and λ of the rows, of M v̇ = τ + Aᵀ λ.
+        Where λ are unknowns, A v̇ may be given, by row."""
         force: dict[int, Scalar] = {j: x for j, x in enumerate(tau) if not is_zero(x)}
+        for i, x in (sides or {}).items():
+            force[self.multipliers[i]] = times(-1.0, x)
         held: list[Vector] = []
         for step in self.steps:
             if isinstance(step, Held):
@@ -88,7 +94,7 @@ class Embedded:
             else:
                 added(force, step.by, own)
         found: dict[int, Scalar] = {}
-        multipliers: dict[int, Scalar] = {}
+        multipliers = dict[int, Scalar]()
         for step in reversed(self.steps):
             if isinstance(step, Held):
                 sides = [
@@ -99,6 +105,7 @@ class Embedded:
                 multipliers |= zip(step.rows, (x for (x,) in found_here))
             elif step.unknown not in found:  # else it was joined to another for a while
                 found[step.unknown] = _found(step, found, force.get(step.unknown, 0.0))
+        multipliers |= {i: found[k] for i, k in self.multipliers.items()}
         return [found.get(j, 0.0) for j in range(self.nv)], multipliers
 
 
@@ -120,13 +127,30 @@ def embedded(
     and `rows` that are solved for the velocities of `groups`: those of a group one after the other
     in their order, the groups each for itself. All other velocities are free; M is positive
     definite on them."""
-    sweep = _Sweep(links, rotors, rows, groups)
+    return _swept(_Sweep(links, rotors, rows, groups), inertias, rotors)
+
+
+def held(
+    links: Sequence[Link],
+    inertias: Sequence[Inertia],
+    rotors: Vector,
+    rows: Sequence[RowForm],
+    groups: Sequence[Sequence[Pivots]],
+) -> Embedded:
+    """The same with λ as unknowns, of which the form is quasi-definite: no velocity is given by
+    another, so that it holds where the pivots of a choice vanish, and A v̇ may be anything. The
+    `groups` say when rows are complete; they have to be independent in the joints of their own."""
+    sweep = _Sweep(links, rotors, rows, groups, multiplied=True)
+    return _swept(sweep, inertias, rotors)
+
+
+def _swept(sweep: _Sweep, inertias: Sequence[Inertia], rotors: Vector) -> Embedded:
     for j, rotor in enumerate(rotors):
         sweep.form.add(j, j, rotor)
-    for i in sorted(range(len(links)), key=lambda i: (sweep.depths[i], i), reverse=True):
+    for i in sorted(range(len(inertias)), key=lambda i: (sweep.depths[i], i), reverse=True):
         sweep.take(i, inertias[i])
     assert not sweep.form.rows and not any(sweep.form.entries.values())  # all is taken out
-    return Embedded(len(rotors), tuple(sweep.form.steps))
+    return Embedded(len(rotors), tuple(sweep.form.steps), sweep.multipliers)
 
 
 class _Sweep:
@@ -139,7 +163,10 @@ class _Sweep:
         rotors: Vector,
         rows: Sequence[RowForm],
         groups: Sequence[Sequence[Pivots]],
+        multiplied: bool = False,
     ) -> None:
+        self.multiplied = multiplied
+        self.multipliers: dict[int, int] = {}
         self.links, self.groups, self.form = links, groups, QuadraticForm()
         self.chains = _chains(links)
         self.form.last = len(rotors) - 1
@@ -178,7 +205,7 @@ class _Sweep:
     def _may_be_its_spin(self, link: Link) -> bool:
         """Rows hold the same beside the spin as beside the joint's velocity: where it is they that
         give it, or where they give nothing of the links before it."""
-        if link.columns[0] in self.group_of:
+        if link.columns[0] in self.group_of or self.multiplied:
             return True
         before = [j for i in path(self.links, link.parent) for j in self.links[i].columns]
         return not self.group_of.keys() & {*before}
@@ -264,8 +291,15 @@ class _Sweep:
                     added(by, {k: x})
         for j, x in row.coefficients:
             added(by, {j: x})
-        self.form.rows[i] = {}
-        self.form.add_to_row(i, dict(zip(by, settled([*by.values()]))))
+        by = dict(zip(by, settled([*by.values()])))
+        if self.multiplied:
+            self.form.last += 1
+            self.multipliers[i] = self.form.last
+            for k, x in by.items():
+                self.form.add(self.form.last, k, times(-1.0, x))
+        else:
+            self.form.rows[i] = {}
+            self.form.add_to_row(i, by)
 
     def take(self, i: int, body: Inertia) -> None:
         """Link i, all it carries having been taken: its T, then what its joint completes."""
@@ -282,26 +316,35 @@ class _Sweep:
                     self._add_inertia(twist[a], twist[b], inertia[a][b], a == b)
         for step in reversed(self.joints[i]):
             self.form.replace(step.unknown, step.by)
-        for j in link.columns:
-            if j in self.group_of:
-                self._complete(self.group_of[j])
-            else:
-                self.waiting.add(j)
+        complete = [self.group_of[j] for j in link.columns if j in self.group_of]
+        self.waiting.update(j for j in link.columns if self.multiplied or j not in self.group_of)
+        if not self.multiplied:
+            self._complete(complete)
         for j in sorted(self.waiting):
             unknown = self.unknowns.get(j, j)
             if not self.form.speaking.get(unknown):
                 self.form.minimise(unknown)
                 self.waiting.remove(j)
+        if self.multiplied:
+            self._complete(complete)
 
     def _add_inertia(self, i: int, j: int, x: Scalar, diagonal: bool) -> None:
         """Two components may be one unknown."""
         self.form.add(i, j, times(2.0, x) if i == j and not diagonal else x)
 
-    def _complete(self, k: int) -> None:
-        self.missing[k] -= 1
-        if not self.missing[k]:
-            for pivots in self.groups[k]:
-                self.form.solve(pivots.rows, [self.unknowns.get(j, j) for j in pivots.columns])
+    def _complete(self, groups: Sequence[int]) -> None:
+        """One more joint of each of these groups."""
+        for k in groups:
+            self.missing[k] -= 1
+            for pivots in () if self.missing[k] else self.groups[k]:
+                self._take_out(pivots)
+
+    def _take_out(self, pivots: Pivots) -> None:
+        if self.multiplied:
+            for i in pivots.rows:
+                self.form.minimise(self.multipliers[i])
+        else:
+            self.form.solve(pivots.rows, [self.unknowns.get(j, j) for j in pivots.columns])
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from derive.choices.resolution import speed_rows
 from derive.choices.survey import Survey, survey_of
 from derive.expressions.counting import operations
 from derive.expressions.settled import settled
+from derive.formulations import equations
 from derive.mechanics.records import System
 from derive.model import load_text
 from derive.states import system
@@ -103,6 +104,35 @@ def check(found: Found, tolerance: float = 1e-9) -> None:
 def test_multipliers_of_a_ladder_are_found_on_the_way() -> None:
     for text in (ladder(3), ladder_of_rods(3)):
         assert embedded(text)[3].lam is not None
+
+
+@pytest.mark.parametrize(("make", "speed"), [(ladder, "p"), (ladder, "e"), (ladder_afloat, "")])
+def test_the_nearest_step_is_that_of_the_bordered_matrix(
+    make: Callable[..., str], speed: str
+) -> None:
+    """δ of A δ = b, least in the metric of M, whatever the choice: no pivot of it is in the way."""
+    of, survey, _, explicit = embedded(make(3, speed) if speed else make(2), 1)
+    assert explicit.nearest is not None
+    b = ca.SX.sym("b", survey.rank)
+    step = ca.vertcat(*explicit.nearest(ca.vertsplit(b)))
+    kept = list(survey.kept)
+    terms = [ca.densify(x) for x in (of.M, of.A[kept, :], step)]
+    at = ca.Function("step", [of.t, of.q, of.p, b], terms)
+    rng, s = np.random.default_rng(0), survey.sampled
+    for k in range(5):
+        side = rng.normal(size=survey.rank)
+        M, A, found = (np.array(x) for x in at(s.t[k], s.q[k], s.p[k], side))
+        bordered = np.block([[M, -A.T], [A, np.zeros((len(A), len(A)))]])
+        expected = np.linalg.solve(bordered, np.concatenate([np.zeros(len(M)), side]))[: len(M)]
+        np.testing.assert_allclose(
+            found.ravel(), expected, atol=1e-9 * (1 + np.abs(expected).max())
+        )
+
+
+def test_project_of_a_ladder_takes_as_many_operations_for_each_rung() -> None:
+    found = [equations(system(load_text(ladder(n)))).function("project") for n in (6, 8, 10)]
+    first, second = np.diff([operations(x.result.value) for x in found])
+    assert second <= 1.1 * first
 
 
 def test_each_rung_takes_as_many_operations_as_the_one_before() -> None:

@@ -60,6 +60,9 @@ FEWEST = 10
 # quasi-velocities and rows from which ẇ is looked for by constraint embedding, where so much of S
 # is full
 EMBEDDED, FULL = 4, 0.3
+ALONE = (
+    12  # more quasi-velocities than this go that way without being compared: twice as short there
+)
 
 # survey
 STRETCHED = 0.03  # of Kantorovich's quantity: about 1/2 at singular positions, rounding at others

@@ -16,6 +16,7 @@ from derive.choices.embedded import by_embedding, has_overlapping_loops
 from derive.choices.explicit import Explicit, explicit
 from derive.choices.few_rows import by_few_rows, has_few_rows, tying_rows
 from derive.choices.limits import (
+    ALONE,
     CUBIC,
     DEPENDENT,
     FEW,
@@ -215,7 +216,7 @@ def _least(survey: Survey, task: Task, rows: Sequence[RowForm]) -> tuple[Reducti
     found = [_shortest(task, ways)]
     overlapping = has_overlapping_loops(survey, task, found[0][1], rows)
     embedded = by_embedding(survey, task, ways, found[0][1]) if overlapping else None
-    if embedded and len(task.names) > CUBIC:
+    if embedded and len(task.names) > ALONE:
         return embedded
     held = embedded or held
     for tree in system.carried if system.rows and not survey.combines else ():

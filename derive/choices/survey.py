@@ -95,6 +95,8 @@ class Survey:
             A = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
             values = self.solver.values(B, start.t, start.q, start.p)
             Y = np.concatenate([even_rows(A), even_rows(values)], axis=1)[0]
+            if not np.all(np.isfinite(Y)):
+                return 0.0
             return float(np.min(np.linalg.svd(Y, compute_uv=False), initial=1.0))
         A = self.solver.velocity_rows(start.t, start.q, start.p)[0].of_rows(self.kept)
         own = self.solver.value_rows(B, start.t, start.q, start.p)

@@ -33,7 +33,7 @@ USUAL = 3  # … the size of its terms where that is more than so many powers of
 # velocities from which `project` and λ are looked for without M: on a chain that is linear in their
 # number, where M takes the square and the bordered matrix the cube
 MANY = 10
-BORDERED = 100  # of more the bordered matrix is not made where another way is known
+BORDERED = 40  # of more the bordered matrix is not made where another way is known
 FEW_ROWS = 0.25  # of the velocities: of so many at most M⁻¹ Aᵀ is looked for by the recursion
 # what a dropped row counts beside those that it repeats: met to 1e-7, where kept ones are to 1e-13
 REPEATED = 1e-6

@@ -124,8 +124,9 @@ def recommendation(record: Choices) -> str:
     if not best.rows:
         return "No freedom is left: there are no quasi-velocities to choose."
     text = (
-        f"Take '{best.name}': the condition number of [A; B] is {best.condition:.3g} at the start "
-        f"and at most {best.worst:.3g} at the states looked at, for {best.operations} operations."
+        f"Take '{best.name}': over the states looked at the condition number of [A; B] is "
+        f"{best.condition:.3g} in the median and at most {best.worst:.3g}, "
+        f"for {best.operations} operations."
     )
     if best.name == record.default:
         return f"{text} It is what is built when no choice is given."

@@ -152,8 +152,9 @@ def test_a_model_without_a_configuration_is_refused_in_words():
 
 
 def test_where_every_walk_ends_far_from_the_constraints_is_refused_in_words():
+    """Two circles of a gigametre about points half a metre apart: parallel to rounding."""
     with (
         pytest.warns(RuntimeWarning, match="left out"),
-        pytest.raises(AssumptionError, match="no configuration near the initial values"),
+        pytest.raises(AssumptionError, match=r"no configuration near|at singular positions alone"),
     ):
         hamel.check(HERE / "far_anchor.xml")

@@ -28,7 +28,7 @@ from derive.choices.walk import Dependent, Step, Undetermined, is_single, unknow
 from derive.expressions.counting import alternatives, operations
 from derive.expressions.deferred import Deferred
 from derive.expressions.scalars import Scalar, Vector
-from derive.mechanics.embedding import Embedded, Pivots, embedded, held
+from derive.mechanics.embedding import Embedded, Pivots, embedded
 from derive.mechanics.gauss import is_of_links
 from derive.mechanics.records import RowForm, System
 from derive.mechanics.solve import scalars
@@ -81,7 +81,7 @@ def _nearest(survey: Survey, way: Way, walked: Elimination) -> Nearest | None:
 
     def step(sides: Sequence[Scalar]) -> Vector:
         rotors = _entries(ca.diag(system.M_extra))
-        sweep = held(system.links, system.inertias[-1], rotors, way.rows, groups)
+        sweep = embedded(system.links, system.inertias[-1], rotors, way.rows, groups, True)
         return sweep.motion([0.0] * len(rotors), dict(zip(survey.kept, sides)))[0]
 
     return step

@@ -92,12 +92,12 @@ class Survey:
     def _least_at(self, start: States, B: ca.SX) -> float:
         """The least singular value of [A; B] there, rows of length one at most."""
         if self.without_zeros is None:
-            A = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
-            values = self.solver.values(B, start.t, start.q, start.p)
-            Y = np.concatenate([even_rows(A), even_rows(values)], axis=1)[0]
-            if not np.all(np.isfinite(Y)):
+            held = self.solver.rows(start.t, start.q, start.p)[0][:, list(self.kept)]
+            speeds = self.solver.values(B, start.t, start.q, start.p)
+            both = np.concatenate([even_rows(held), even_rows(speeds)], axis=1)[0]
+            if not np.all(np.isfinite(both)):
                 return 0.0
-            return float(np.min(np.linalg.svd(Y, compute_uv=False), initial=1.0))
+            return float(np.min(np.linalg.svd(both, compute_uv=False), initial=1.0))
         A = self.solver.velocity_rows(start.t, start.q, start.p)[0].of_rows(self.kept)
         own = self.solver.value_rows(B, start.t, start.q, start.p)
         Y = stacked(evened(A), evened(own))

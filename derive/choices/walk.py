@@ -325,7 +325,7 @@ def _diagonal_blocks(speaks: Mapping[int, set[int]]) -> dict[int, set[int]]:
     """By row the velocities of its diagonal block, where rows and velocities can be put in an order
     in which they are block triangular: whatever the others are, each block is regular for itself or
     all of them is singular. Nothing where there are more rows than velocities."""
-    rows, columns = sorted(speaks), sorted(set().union(*speaks.values()))
+    rows, columns = sorted(speaks), sorted({j for own in speaks.values() for j in own})
     if len(rows) != len(columns) or not rows:
         return {}
     place = {j: b for b, j in enumerate(columns)}

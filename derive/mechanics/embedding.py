@@ -97,11 +97,11 @@ class Embedded:
         multipliers = dict[int, Scalar]()
         for step in reversed(self.steps):
             if isinstance(step, Held):
-                sides = [
+                missing = [
                     minus(minus(value_of(psi, found), own), value_of(rows, multipliers))
                     for psi, own, rows in zip(step.psi, held.pop(), step.waiting)
                 ]
-                found_here = solved(transpose(step.block), [[x] for x in sides])
+                found_here = solved(transpose(step.block), [[x] for x in missing])
                 multipliers |= zip(step.rows, (x for (x,) in found_here))
             elif step.unknown not in found:  # else it was joined to another for a while
                 found[step.unknown] = _found(step, found, force.get(step.unknown, 0.0))
@@ -122,32 +122,21 @@ def embedded(
     rotors: Vector,
     rows: Sequence[RowForm],
     groups: Sequence[Sequence[Pivots]],
+    multiplied: bool = False,
 ) -> Embedded:
     """The sweep for links with `inertias` about their origins, `rotors` (nv) on the diagonal of M,
     and `rows` that are solved for the velocities of `groups`: those of a group one after the other
     in their order, the groups each for itself. All other velocities are free; M is positive
-    definite on them."""
-    return _swept(_Sweep(links, rotors, rows, groups), inertias, rotors)
+    definite on them.
 
-
-def held(
-    links: Sequence[Link],
-    inertias: Sequence[Inertia],
-    rotors: Vector,
-    rows: Sequence[RowForm],
-    groups: Sequence[Sequence[Pivots]],
-) -> Embedded:
-    """The same with λ as unknowns, of which the form is quasi-definite: no velocity is given by
+    With `multiplied` λ are unknowns, of which the form is quasi-definite: no velocity is given by
     another, so that it holds where the pivots of a choice vanish, and A v̇ may be anything. The
-    `groups` say when rows are complete; they have to be independent in the joints of their own."""
-    sweep = _Sweep(links, rotors, rows, groups, multiplied=True)
-    return _swept(sweep, inertias, rotors)
-
-
-def _swept(sweep: _Sweep, inertias: Sequence[Inertia], rotors: Vector) -> Embedded:
+    groups say when rows are complete; these have to be independent in the joints of their own.
+    """
+    sweep = _Sweep(links, rotors, rows, groups, multiplied)
     for j, rotor in enumerate(rotors):
         sweep.form.add(j, j, rotor)
-    for i in sorted(range(len(inertias)), key=lambda i: (sweep.depths[i], i), reverse=True):
+    for i in sorted(range(len(links)), key=lambda i: (sweep.depths[i], i), reverse=True):
         sweep.take(i, inertias[i])
     assert not sweep.form.rows and not any(sweep.form.entries.values())  # all is taken out
     return Embedded(len(rotors), tuple(sweep.form.steps), sweep.multipliers)
@@ -163,7 +152,7 @@ class _Sweep:
         rotors: Vector,
         rows: Sequence[RowForm],
         groups: Sequence[Sequence[Pivots]],
-        multiplied: bool = False,
+        multiplied: bool,
     ) -> None:
         self.multiplied = multiplied
         self.multipliers: dict[int, int] = {}
@@ -174,7 +163,8 @@ class _Sweep:
         self.twists: list[list[int]] = []  # by link the unknowns of T, −1 where it is nothing
         self.joints: list[list[Replaced]] = []  # from the twist before a link's joint to its own
         self.ways: list[list[Replaced]] = []  # from a link's twist to those before joints on it
-        self.seats: dict[tuple[int | float, ...], list[int]] = {}  # those, by carrier and arm
+        # those, by carrier and arm
+        self.seats: dict[tuple[int | float, ...], tuple[Vector, list[int]]] = {}
         self.unknowns: dict[int, int] = {}  # what stands for a velocity, where it is not itself
         self.group_of = {
             j: k for k, group in enumerate(groups) for pivots in group for j in pivots.columns
@@ -243,8 +233,9 @@ class _Sweep:
         if place not in self.seats:
             seen = rotated(matrix(self.chains[link.parent].turn), arm)
             way, twist = self.ways[link.parent], self.twists[link.parent]
-            self.seats[place] = self._shifted(way, twist, seen)
-        return self.seats[place]
+            # with the arm, whose hash is that of no other while it lives
+            self.seats[place] = arm, self._shifted(way, twist, seen)
+        return self.seats[place][1]
 
     def _shifted(self, way: list[Replaced], twist: Sequence[int], arm: Vector) -> list[int]:
         """To a point at `arm`: v + ω × arm."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 from math import comb, log10
 
@@ -25,11 +26,10 @@ def candidates(survey: Survey) -> list[tuple[tuple[float, ...], str, tuple[RowFo
         rows = tuple(_alone(survey, j) for j in subset)
         usual, worst, lost, singular = 1.0, 1.0, 0, False
         if survey.system.rows:
-            own = np.eye(nv)[list(subset)]
-            B = np.tile(own, (len(survey.rows), 1, 1))
+            B = np.tile(np.eye(nv)[list(subset)], (len(survey.rows), 1, 1))
             usual, worst = conditions(survey, B)
             lost = inertia_lost(survey, B)
-            singular = survey.is_singular_at_start(ca.SX(ca.sparsify(ca.DM(own))))
+            singular = survey.is_singular_at_start(_matrix(nv, subset))
         names = {row.name for row in rows}
         # what is singular everywhere loses no inertia anywhere; followers before it and what is
         # singular at the start, then by condition; of equals the actuated ones, then the first of
@@ -58,24 +58,27 @@ def _pivoted(survey: Survey) -> list[tuple[int, ...]]:
     nv = survey.system.v.numel()
     driven = frozenset(j for j in range(nv) if speed_name(survey.system, j) in survey.driven)
     weights = [1.0 + slope * np.arange(nv) / nv for slope in (0.0, 1.0, 10.0)]
+
+    def partitions(rows: np.ndarray) -> list[tuple[int, ...]]:
+        return [
+            _greedy(survey, weight, spared, rows)
+            for spared in (frozenset[int](), driven)
+            for weight in weights
+        ]
+
     usual = survey.rows[:, list(survey.kept)]
-    found = [
-        _greedy(survey, weight, spared, matrices)
-        for matrices in (usual, *_with_start(survey, usual))
-        for spared in (frozenset[int](), driven)
-        for weight in weights
-    ]
-    return list(dict.fromkeys(found))
-
-
-def _with_start(survey: Survey, rows: np.ndarray) -> list[np.ndarray]:
-    """The rows at the state where the motion begins besides: no random one, so that what is
-    singular just there may be well conditioned at all of these."""
+    found = list(dict.fromkeys(partitions(usual)))
     start = survey.initial
-    if start is None or not len(rows):
-        return []
+    if start is None or not all(survey.is_singular_at_start(_matrix(nv, x)) for x in found):
+        return found
+    # it is no random state: what is singular just there may be well conditioned at all of these
     there = survey.solver.rows(start.t, start.q, start.p)[0][:, list(survey.kept)]
-    return [np.concatenate([rows, even_rows(there)])]
+    return list(dict.fromkeys([*found, *partitions(np.concatenate([usual, even_rows(there)]))]))
+
+
+def _matrix(nv: int, subset: Sequence[int]) -> ca.SX:
+    """B of a partition."""
+    return ca.SX(ca.sparsify(ca.DM(np.eye(nv)[list(subset)])))
 
 
 def suited(survey: Survey, k: int) -> tuple[str, tuple[RowForm, ...]]:

@@ -215,7 +215,9 @@ def _least(survey: Survey, task: Task, rows: Sequence[RowForm]) -> tuple[Reducti
     ways = [Way(system, forms, rows) for forms in survey.forms]
     found = [_shortest(task, ways)]
     overlapping = has_overlapping_loops(survey, task, found[0][1], rows)
-    embedded = by_embedding(survey, task, ways, found[0][1]) if overlapping else None
+    shortest = found[0][0]
+    tried = ways[:1] if shortest is ways[0] else [ways[0], shortest]
+    embedded = by_embedding(survey, task, tried, found[0][1]) if overlapping else None
     if embedded and len(task.names) > ALONE:
         return embedded
     held = embedded or held

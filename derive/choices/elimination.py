@@ -75,9 +75,9 @@ def elimination(
     sizes: Sequence[float],
     short: int = SHORT,
 ) -> Elimination:
-    """Solve constraint `rows` and speed rows for all generalized velocities;
-    `sizes` are the rows' magnitudes, against which a coefficient counts as zero. Components of
-    twists with at most `short` terms are written as their forms, others by recursion.
+    """Solve constraint `rows` and speed rows for all generalized velocities; `sizes` are the rows'
+    magnitudes, against which a coefficient counts as zero. Components of twists with at most
+    `short` terms are written as their forms, others by recursion.
 
     First walk: Y v = [c; w] gives v = S w + v₀. Second walk, with the same pivots and the velocity
     products beside the same forms: Y v̇ = [β; ẇ − Ḃ v] at ẇ = 0 gives σ, v̇ = S ẇ + σ. No inverse

@@ -74,9 +74,8 @@ MANY, FEW_ROWS = 10, 0.4
 # more quasi-velocities than this, held by at most so many rows, go that way without being compared:
 # with 22, of a chain held at its end, Sᵀ M S takes twice the operations, with 46 five times
 CUBIC, FEWEST_ROWS = 24, 6
-REFLECTED = (
-    6  # rows that are solved by reflections at most: more take more operations than they save
-)
+# rows that are solved by reflections at most: more take more operations than they save
+REFLECTED = 6
 
 # walk
 NO_PIVOT = 1e-13  # of the size of its row: an entry that is nowhere larger is rounding

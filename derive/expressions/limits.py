@@ -15,6 +15,10 @@ BELOW = f"a magnitude below {LARGEST:g} in SI units"
 ABOVE = f"0, or a magnitude above {SMALLEST:g} in SI units"
 MOST_POWER, MOST_SI = 9, 99  # of a unit, and of one that is of the SI without a factor
 
+# settled
+SETTLED = 1e-12  # what is nowhere farther than this from 0, 1 or −1 is that number
+TRIED = 20  # random values of the symbols at which that is seen
+
 
 def too_large(value: float) -> bool:
     """Also of what is no finite number."""

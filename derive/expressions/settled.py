@@ -8,10 +8,8 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from derive.expressions.limits import SETTLED, TRIED
 from derive.expressions.scalars import Scalar, Vector
-
-NEAREST = 1e-12  # what is nowhere farther than this from 0, 1 or −1 is that number
-TRIED = 20  # random values of the symbols at which that is seen
 
 
 def settled(values: Sequence[Scalar]) -> Vector:
@@ -26,6 +24,6 @@ def settled(values: Sequence[Scalar]) -> Vector:
     result: Vector = [*values]
     for k, row in zip(formulas, found.reshape(len(formulas), -1)):
         nearest = round(row[0]) if np.all(np.isfinite(row)) else 2
-        if abs(nearest) <= 1 and np.max(np.abs(row - nearest)) <= NEAREST:
+        if abs(nearest) <= 1 and np.max(np.abs(row - nearest)) <= SETTLED:
             result[k] = float(nearest)
     return result

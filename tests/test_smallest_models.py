@@ -162,7 +162,7 @@ SLED = {
 
 def test_maggi_keeps_the_lengths_of_a_frame_that_is_based_anew(tmp_path):
     path = written(tmp_path, SLED)
-    assert hamel.verify(path, formulation="maggi").passed
+    assert hamel.verify(path, formulation="maggi", states=20).passed
     ends = [
         hamel.simulate(path, formulation=formulation, time=3.0).motion["base_x"][-1]
         for formulation in ("maggi", "quasi_velocities")
@@ -269,7 +269,9 @@ initial: {s_x: 10 km, der(s_y): 2 m/s}
 """
 
 
-@pytest.mark.parametrize("heavy", ["5e4 kg", "1e9 kg", "1e15 kg"])
+@pytest.mark.parametrize(
+    "heavy", ["5e4 kg", pytest.param("1e9 kg", marks=pytest.mark.slow), "1e15 kg"]
+)
 def test_a_light_body_is_not_told_by_a_heavy_one(tmp_path, heavy):
     """Its speed along and across the tether is a difference of the heavy one's otherwise, and Sᵀ M S
     loses its inertia: 1e-16 of 1e15 kg are 0.1 kg."""
@@ -313,7 +315,7 @@ def test_a_small_closure_at_the_end_of_a_long_arm_is_verified(tmp_path, text):
     """Its gap is counted from the arm: of two places 2 m away a gap of 1 cm has two digits less, and
     the reference's own rounding, which does that, is no error."""
     (tmp_path / "m.yaml").write_text(text)
-    assert hamel.verify(tmp_path / "m.yaml").passed
+    assert hamel.verify(tmp_path / "m.yaml", states=20).passed
 
 
 DRIVEN_ROD = """\
@@ -383,8 +385,7 @@ outputs: {gap: "distance(b, [0.4, 0], c, [0.3, 0])"}
 def test_an_output_may_be_what_a_closure_holds_at_zero(tmp_path):
     path = tmp_path / "gap.yaml"
     path.write_text(GAP, "utf-8")
-    hamel.build(path, out=tmp_path / "gap")
-    assert hamel.verify(path).passed
+    assert hamel.verify(path, states=20).passed
     # it has no slope there
     with pytest.raises(VerificationError, match=r"outputs_jacobian of gap has no value at state"):
         hamel.build(path, out=tmp_path / "slopes", functions=["outputs_jacobian"])

@@ -39,11 +39,11 @@ def test_paths_do_not_grow_with_the_loads(tmp_path: Path) -> None:
     assert len({str(module.__file__) for module in first}) == 1
     assert len({module.__name__ for module in first}) == 30
     found = [accelerations(folder)]
-    for mass in (3, 4, 2):
+    for mass in (3, 2):
         model.write_text(SLIDE.replace("2 kg", f"{mass} kg"), encoding="utf-8")
         hamel.build(model, out=folder)
         found.append(accelerations(folder))
-    assert found == [3.0, 2.0, 1.5, 3.0]
+    assert found == [3.0, 2.0, 3.0]
     assert float(first[0].dynamics(0.0, [0.0, 0.0], [6.0])[1]) == 3.0
 
 

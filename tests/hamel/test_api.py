@@ -242,7 +242,10 @@ def test_list_of_a_model():
     }
 
 
-@pytest.mark.parametrize("name", ["cart_pole", "gallery/dc_motor", "pendulum", "car_axis"])
+@pytest.mark.parametrize(
+    "name",
+    ["cart_pole", "gallery/dc_motor", "pendulum", pytest.param("car_axis", marks=pytest.mark.slow)],
+)
 def test_every_function_that_is_listed_is_built(name):
     """And what is refused is refused by a build for the reason that the list gives."""
     path = MODELS / f"{name}.yaml"

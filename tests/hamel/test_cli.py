@@ -321,7 +321,10 @@ def test_closed_pipe():
     assert reading.wait() == failures.PIPE
 
 
-@pytest.mark.parametrize("command", [("list",), ("--help",), ("check", "--json", SNAKE)])
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(("list",), marks=pytest.mark.slow), ("--help",), ("check", "--json", SNAKE)],
+)
 def test_a_closed_output_is_no_error(command):
     """What is printed goes nowhere then, and the work is done."""
     words = [sys.executable, "-m", "hamel", *command]

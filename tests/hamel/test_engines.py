@@ -44,7 +44,10 @@ def test_a_script_without_a_guard_is_not_run_again(tmp_path: Path) -> None:
         "with engine('processes', 2) as found:\n"
         "    print(found.executor.submit(abs, -3).result())\n"
     )
-    made = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    made = subprocess.run(
+        [sys.executable, script], env=environment, capture_output=True, text=True, check=True
+    )
     assert made.stdout.split() == ["once", "3"]
 
 

@@ -118,7 +118,7 @@ class Recursion:
 
 @needs_compiler
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("links", [40, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("links", [20, pytest.param(1000, marks=pytest.mark.slow)])
 def test_loops_round_as_little_as_the_recursion_written_down(links: int, tmp_path: Path) -> None:
     text = chain(links).replace("1.5707963267948966", "1.2")  # no angle is snapped
     path = tmp_path / "chain.urdf"

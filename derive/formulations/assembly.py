@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 
@@ -73,7 +74,20 @@ def reduced(
         minimal=_minimal(survey, reduction, found, lam, (Y, R)),
     )
     named = (*_matrices(survey, reduction, Y, R), *motion.named[1:])
-    return _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)
+    result = _finished(survey, formulation, choice, reason, motion, named, reduction.pivots)
+    said = _dependent_at_start(survey, choice, reduction)
+    return replace(result, assumptions=(*result.assumptions, *said))
+
+
+def _dependent_at_start(survey: Survey, choice: str, reduction: Reduction) -> tuple[str, ...]:
+    if reduction.constant_pivots:
+        return ()
+    if not survey.depends_at_start(reduction.at_frame(reduction.B)):
+        return ()
+    return (
+        f"choice '{choice}' does not tell the velocities at the initial state, as its speeds "
+        "depend on each other there: a motion from it takes another choice",
+    )
 
 
 def _minimal(

@@ -409,5 +409,12 @@ def _problem(
     the row."""
     model = system.model
     spans = [x.span for x in model.initial[:1] if not at_row]
-    spans += [x.span for x in (*model.constraints, *model.closures) if x.name == row.split(".")[0]]
-    return ModelError(model.diagnostic(spans[0] if spans else Span(0, 0), message, advice))
+    span = spans[0] if spans else span_of_row(system, row)
+    return ModelError(model.diagnostic(span, message, advice))
+
+
+def span_of_row(system: System, row: str) -> Span:
+    """Where the constraint or closure stands that a row is of."""
+    owner, model = row.split(".")[0], system.model
+    known = (x.span for x in (*model.constraints, *model.closures) if x.name == owner)
+    return next(known, Span(0, 0))

@@ -21,7 +21,7 @@ from derive.model.constraint_records import Holonomic
 from derive.numerics import NONZERO, refuses_numerically
 from derive.states import gimbal
 from derive.states.closing import Kinematics, closed, nominal, normalised
-from derive.states.initial import initial_state
+from derive.states.initial import initial_state, span_of_row
 from derive.states.limits import (
     BEYOND,
     CLOSED,
@@ -440,14 +440,14 @@ def _refuse_contradictions(system: System, left: np.ndarray, v: np.ndarray) -> N
         return
     off = np.median(np.abs(left) / (1.0 + np.max(np.abs(v), axis=1, initial=0.0))[:, None], axis=0)
     if np.max(off, initial=0.0) > CONTRADICTION:
-        names = " and ".join(
-            row.name for row, size in zip(system.rows, off) if size > CONTRADICTION
+        names = [row.name for row, size in zip(system.rows, off) if size > CONTRADICTION]
+        message = (
+            f"no velocities satisfy all constraints, whatever the position: {' and '.join(names)} "
+            "cannot be met together"
         )
-        raise AssumptionError(
-            f"no velocities satisfy all constraints, whatever the position: {names} cannot be "
-            "met together",
-            hint="take one of them out, or give them the same right-hand side",
-        )
+        advice = "one of them alone, or right-hand sides that go together"
+        span = span_of_row(system, names[0])
+        raise AssumptionError(system.model.diagnostic(span, message, advice))
 
 
 def _steady(solver: Kinematics, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> np.ndarray:

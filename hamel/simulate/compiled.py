@@ -434,7 +434,7 @@ def others(problem: Problem, equations: Equations) -> list[Equations]:
     """Other choices that can take over where the chosen one is singular."""
     system = problem.system
     alone = equations.generalized_velocities or equations.charts
-    if not system.rows or alone:
+    if alone or not (system.rows or equations.pivots):
         return []
     names = dict.fromkeys((*(choice.name for choice in system.model.choices), "orthonormal"))
     found = []

@@ -131,11 +131,7 @@ def _notes(reading: Reading, root: Element, scene: Scene) -> None:
         result.assumed.append(
             "limits are there to read: nothing in the equations stops a joint at them"
         )
-    fluid = [
-        name
-        for option in root.all("option")
-        for name in ("density", "viscosity", "wind")
-        if name in option.attributes
-    ]
+    medium = {"density": scene.settings.density, "viscosity": scene.settings.viscosity}
+    fluid = [name for name, value in medium.items() if value]
     if fluid:
         result.left_out.append(f"forces of the medium around the bodies ({', '.join(fluid)})")

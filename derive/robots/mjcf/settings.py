@@ -63,6 +63,8 @@ class Settings:
     least_inertia: float = 0.0
     total_mass: float = 0.0
     gravity: Vector = (0.0, 0.0, -9.81)
+    density: float = 0.0  # of the medium around the bodies
+    viscosity: float = 0.0
     off: frozenset[str] = frozenset()
     idle_groups: tuple[float, ...] = ()
     aligned: bool = False
@@ -205,6 +207,8 @@ def _compiler(reading: Reading, compiler: Element, found: Settings) -> None:
 
 def _option(reading: Reading, option: Element, found: Settings) -> None:
     found.gravity = vector(reading, option, "gravity", found.gravity)
+    found.density = scalar(reading, option, "density", found.density)
+    found.viscosity = scalar(reading, option, "viscosity", found.viscosity)
     found.idle_groups = tuple(listing(reading, option, "actuatorgroupdisable") or found.idle_groups)
     for flag in option.all("flag"):
         found.off |= {name for name, state in flag.attributes.items() if state == "disable"}

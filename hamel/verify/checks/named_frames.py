@@ -108,26 +108,32 @@ def velocity_products(e: Evidence) -> float | None:
 
 
 def accelerations(e: Evidence) -> float | None:
-    """J v̇ + J̇ v with the reference's v̇; and, where ẇ = 0, with v̇ less S ẇ."""
+    """J v̇ + J̇ v with the reference's v̇; and, where ẇ = 0, with v̇ less S ẇ, which may leave little
+    of it."""
     motion = _rates(e, "frame_acceleration", _accelerated, e.conditions, SOLVED)
-    still = _rates(e, "jdot_w", _without_wdot, e.conditions, SOLVED)
+    still = _rates(e, "jdot_w", _without_wdot, e.conditions, SOLVED, _accelerated)
     known = [error for error in (motion, still) if error is not None]
     return worst(known) if known else None
 
 
 def _rates(
-    e: Evidence, quantity: str, wanted: Wanted, relax: list[float] | None, tolerance: float
+    e: Evidence,
+    quantity: str,
+    wanted: Wanted,
+    relax: list[float] | None,
+    tolerance: float,
+    cancelled: Wanted | None = None,
 ) -> float | None:
-    errors = [
-        deviation(
-            _results(e, name),
-            [wanted(e, k, s) for k, s in enumerate(_motions(e, frame, axes))],
-            relax,
-            unit=_twist_unit(e) / e.units.time,
-            sums=_far(e, frame, e.of_accelerations(tolerance)),
-        )
-        for name, frame, axes in functions_of(e, quantity)
-    ]
+    """`cancelled` is a part of the sum that need not be seen in what is left of it."""
+    unit, errors = _twist_unit(e) / e.units.time, list[float]()
+    for name, frame, axes in functions_of(e, quantity):
+        motions = [*enumerate(_motions(e, frame, axes))]
+        sums = _far(e, frame, e.of_accelerations(tolerance))
+        if cancelled is not None:
+            parts = [worst(cancelled(e, k, s) / unit) for k, s in motions]
+            sums = Sums(tolerance, np.asarray(sums.sizes) + parts)
+        found = [wanted(e, k, s) for k, s in motions]
+        errors.append(deviation(_results(e, name), found, relax, unit=unit, sums=sums))
     return worst(errors) if errors else None
 
 

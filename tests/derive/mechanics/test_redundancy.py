@@ -175,8 +175,9 @@ constraints:
 
 def test_rates_that_contradict_each_other_are_refused_by_name() -> None:
     """At t = 0 they agree, later they do not."""
-    with pytest.raises(AssumptionError, match="steady and swinging cannot be met together"):
+    with pytest.raises(AssumptionError, match="steady and swinging cannot be met together") as told:
         equations(system(load_text(DRIVES)))
+    assert told.value.diagnostics[0].line == 6  # where `steady` stands
 
 
 SKATES = """

@@ -372,6 +372,18 @@ def test_mjcf_defaults_frames_and_servos():
     assert any("contacts" in sentence for sentence in found.left_out)
 
 
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [("density='0' viscosity='0' wind='1 0 0'", ""), ("density='1.2' viscosity='0'", "density")],
+)
+def test_a_medium_is_left_out_where_there_is_one(option, said, tmp_path):
+    file = tmp_path / "m.xml"
+    body = "<body><joint type='hinge'/><geom size='0.1'/></body>"
+    file.write_text(f"<mujoco><option {option}/><worldbody>{body}</worldbody></mujoco>")
+    sentences = [x for x in imported(file).left_out if "medium" in x]
+    assert sentences == ([f"forces of the medium around the bodies ({said})"] if said else [])
+
+
 def test_mjcf_coordinates_are_zero_where_qpos_is():
     """The pose of the file is at `ref`: there the palm stands where <body pos euler> puts it."""
     from derive.mechanics.tree import ground_point, ground_positions, ground_rotations

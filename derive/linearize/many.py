@@ -12,7 +12,8 @@ from derive.diagnostics import AssumptionError
 from derive.expressions.columns import columns_of
 from derive.linearize.limits import KEPT, RANK, STRAIGHT
 from derive.linearize.records import Steady
-from derive.linearize.steady import Problem, row_sizes, solved, with_inputs
+from derive.linearize.search import row_sizes, solved, with_inputs
+from derive.linearize.steady import Problem
 from derive.linearize.study import Columns, Study
 
 ROUNDS = 12  # of Newton: more is no convergence from a start so near

@@ -13,20 +13,15 @@ import numpy as np
 from derive.choices.redundancy import check_repeated
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations.records import Equations
+from derive.linearize.branch import family, settled
 from derive.linearize.cyclic import confirmed, cyclic_coordinates
 from derive.linearize.kinks import at_kink
 from derive.linearize.limits import DEPENDENT, SAME_ROWS, SPREADS, STUDY_SAMPLES
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
 from derive.linearize.records import Linear, Steady
+from derive.linearize.search import check_pivots
 from derive.linearize.spectrum import Stage, deflated, families, in_units
-from derive.linearize.steady import (
-    Problem,
-    check_pivots,
-    family,
-    problem,
-    residuals_of,
-    settled,
-)
+from derive.linearize.steady import Problem, problem, residuals_of
 from derive.model.records import SteadyMotion
 from derive.numerics import refuses_numerically
 from derive.states.scales import scales

@@ -16,7 +16,8 @@ from derive.expressions.units import pretty
 from derive.model.constraints.nonideal import velocity_degree
 from derive.model.document import Items, Key, Scalar
 from derive.model.frames import Names
-from derive.model.kinematics import SPEEDING, speaks_of_motion
+from derive.model.kinematics.measures import SPEEDING
+from derive.model.kinematics.rewriting import speaks_of_motion
 from derive.model.names import identifier
 from derive.model.reader import UNREAD, WITH_KINEMATICS, Reader
 from derive.model.records import CHOICE_KINDS, Choice, Measure, Output, Span

@@ -32,7 +32,10 @@ from derive.expressions.units import (
     quotient_of,
 )
 from derive.model.document import Items, Key, Scalar, Source
-from derive.model.kinematics import Measures, Rewriting, speaks_of_motion
+from derive.model.kinematics.arguments import Arguments
+from derive.model.kinematics.measures import Measures
+from derive.model.kinematics.rates import Rates
+from derive.model.kinematics.rewriting import Rewriting, speaks_of_motion
 from derive.model.names import objection
 from derive.model.records import Path, Span, Vector3
 from derive.model.scope import CONSTANT, Scope
@@ -196,8 +199,9 @@ class Reader:
     def rewriting(self, text: str, accelerations: bool = False) -> Rewriting:
         """What functions of the motion mean in the formula `text`; in one with `accelerations`
         velocities have rates."""
-        tables = self.measures, self.scope, self.space, self.definitions
-        return Rewriting(*tables, self._point_entry, text, accelerations, self.curves.keys())
+        tables = self.measures, self.scope, self.space
+        arguments = Arguments(*tables, self._point_entry, text, accelerations)
+        return Rewriting(arguments, Rates(arguments, self.definitions), self.curves.keys())
 
     def _point_entry(self, entry: Expression, text: str) -> Expression:
         resolved = self.scope.resolved(entry, CONSTANT, "a point", text)

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from derive.diagnostics import ModelError
+from derive.diagnostics import ModelError, counted
 from derive.model.builder import Model
 from derive.robots import File
 from derive.robots.reading import load
@@ -102,7 +102,7 @@ def _called(path: File) -> str:
 
 def show(record: Bound, console: Console) -> None:
     """What is in it, and where it is."""
-    console.print(f"{len(record.chapters)} chapters: {', '.join(record.chapters)}")
+    console.print(f"{counted(len(record.chapters), 'chapter')}: {', '.join(record.chapters)}")
     for name, why in record.refused.items():
         console.print(f"  no chapter of {name}: {why}")
     console.print(f"  read    {record.contents}")

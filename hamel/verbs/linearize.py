@@ -16,11 +16,12 @@ import numpy as np
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.frames import based
 from derive.linearize import study
+from derive.linearize.branch import moves
 from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import evaluator
 from derive.linearize.records import Kink, Steady
 from derive.linearize.sensitivity import Mode, modes
-from derive.linearize.steady import check_still, motion_of, moves
+from derive.linearize.steady import check_still, motion_of
 from derive.linearize.study import Study
 from derive.linearize.unreduced import unreduced
 from hamel.build.clock import Clock

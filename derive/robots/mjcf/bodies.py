@@ -206,7 +206,8 @@ def _body(reading: Reading, waiting: Waiting, scene: Scene, floating: bool) -> l
     _joints(reading, waiting, inherited, body, pose, scene, floating)
     scene.robot.bodies.append(body)
     if element.get("mocap") == "true":
-        scene.robot.changed.append(f"the mocap body {quoted(original)} stays where it is")
+        name = quoted(original or body.name)
+        scene.robot.left_out.append(f"what moves the mocap body {name}, which is fixed")
     return _below(reading, element, body.name, inherited, scene)
 
 

@@ -1,7 +1,7 @@
 """Linear equations along steady motions: published digits, closed forms, and the bookkeeping of
 zeros.
 
-Of derive.linearize: turned, cyclic, limits, records, turning.
+Of derive.linearize: turned, cyclic, limits, records, turning, search, starts, branch.
 Of hamel.linear: figure, limits, page, plots, ranges, sweep, words.
 """
 

@@ -2,6 +2,7 @@
 
 Of derive.model: axes, bodies, build, definitions, events, frames, massless, mechanism, motions,
 placements, published, quaternions, scope, space, steady, structure, ties.
+Of derive.model.kinematics: arguments, meanings, measures, products, rates, rewriting.
 """
 
 import json

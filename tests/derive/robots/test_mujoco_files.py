@@ -226,6 +226,7 @@ def test_what_is_not_read_of_actuators_and_free_joints_is_said(tmp_path):
         <body><joint name="j"/><geom size="1"/></body>
         <body><freejoint name="own"/><geom size="1"/></body>
         <body><freejoint name="not" align="false"/><geom size="1"/></body>
+        <body name="target" mocap="true"/>
       </worldbody>
       <actuator>
         <motor name="idle" joint="j" group="5"/>
@@ -237,6 +238,7 @@ def test_what_is_not_read_of_actuators_and_free_joints_is_said(tmp_path):
     for words in (
         "1 actuator of groups that are switched off",
         "LEFT OUT: the delay of 1 actuator",
+        "LEFT OUT: what moves the mocap body 'target', which is fixed",
         "LEFT OUT: actearly, a step's advance of the force, of 1 actuator",
         "coordinates of own are those of the body's own frame",
     ):

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import hamel
 from codegen import compiler
@@ -20,6 +21,7 @@ from hamel.book.course import course_of
 from hamel.book.exercises import Exercise, number_texts
 from hamel.book.topics import TOPICS, things_of, topic_of
 from hamel.book.writing import CONTENTS, INDEX, PRINT, pages, placed
+from hamel.verbs.book import show
 from tests.scenes import MODELS
 
 PLACES = {
@@ -158,7 +160,10 @@ def test_a_motion_that_an_event_ends_is_as_long_as_that(tmp_path) -> None:
         "states: {late: {rate: (u - late)/(1 s), unit: N}}\ninputs: {u: {unit: N}}\n"
     )
     (tmp_path / "stone.yaml").write_text(text)
-    hamel.book([tmp_path / "stone.yaml"], out=tmp_path / "book", pdf=False)
+    record = hamel.book([tmp_path / "stone.yaml"], out=tmp_path / "book", pdf=False)
+    console = Console(record=True)
+    show(record, console)
+    assert console.export_text().startswith("1 chapter: stone\n")
     page = (tmp_path / "book" / "stone.html").read_text("utf-8")
     assert "<p>0.451524 s from the initial state" in page
     assert "the event floor ended the motion" in page

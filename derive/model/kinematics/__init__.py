@@ -1,0 +1,1 @@
+"""Functions of the motion in formulas: position(load), distance(a, b), der(…) …"""

@@ -1,7 +1,8 @@
 """Derivatives by structure are those of CasADi: every way there is, on the constraints and beside
 them.
 
-Of derive.formulations: contraction, derivatives, structured.
+Of derive.formulations: contraction, derivatives.
+Of derive.formulations.structured: afloat, displacements, factors, records, reduction, tree.
 Of derive.mechanics: flows, slopes.
 """
 
@@ -19,11 +20,12 @@ import hamel
 from derive.diagnostics import VerificationError
 from derive.expressions.counting import operations
 from derive.expressions.scalars import Matrix
-from derive.formulations import assembly, derivatives, equations, structured
+from derive.formulations import assembly, derivatives, equations
 from derive.formulations.contraction import contractions
 from derive.formulations.evaluate import slots_of
 from derive.formulations.motion import Motion
 from derive.formulations.records import Equations
+from derive.formulations.structured import tree
 from derive.mechanics import slopes
 from derive.mechanics.records import System
 from derive.mechanics.slopes import Tree
@@ -173,7 +175,7 @@ def test_every_way_where_rows_repeat_others(
 def test_a_robot_afloat(monkeypatch: pytest.MonkeyPatch) -> None:
     """A free root with a quaternion: what it does not feel is not solved for, and the structure is
     what is chosen."""
-    monkeypatch.setattr(structured, "UNROLLED", 10**9)
+    monkeypatch.setattr(tree, "UNROLLED", 10**9)
     found, motion = derived(mechanics_of("quadruped.urdf"), monkeypatch)
     values = all_ways(found, motion)
     agree(found, values)
@@ -268,7 +270,7 @@ def test_contractions_are_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -
 @pytest.fixture
 def looped(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """Where a loop over columns is used however short it is."""
-    monkeypatch.setattr(structured, "UNROLLED", 0)
+    monkeypatch.setattr(tree, "UNROLLED", 0)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path
 
@@ -287,7 +289,7 @@ def _long(folder: Path) -> str:
 
 def test_a_wrong_loop_is_not_published(looped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One factor of the elimination off by a thousandth."""
-    whole = structured._elimination
+    whole = tree._elimination
 
     def wrong(*arguments):
         found = whole(*arguments)
@@ -295,7 +297,7 @@ def test_a_wrong_loop_is_not_published(looped: Path, monkeypatch: pytest.MonkeyP
         factor[0] = 1.001
         return replace(found, values=found.values * factor)
 
-    monkeypatch.setattr(structured, "_elimination", wrong)
+    monkeypatch.setattr(tree, "_elimination", wrong)
     with pytest.raises(VerificationError, match="nothing is written"):
         hamel.build(
             MODELS / "double_pendulum.yaml",

@@ -164,7 +164,7 @@ class Taylor:
     order: int = 0
     estimate: int = 2
     damping: Fraction = Fraction(0)
-    safety: Fraction = Fraction(1)
+    safety: Fraction = SAFETY
     needs: tuple[str, ...] = ()
     exact: bool = True  # what an enforcement does at every stage is not in the program
     adaptive: bool = True

@@ -58,9 +58,9 @@ def estimate(
     found: Any, companion: Any, order: float | None, rtol: float, equal: bool
 ) -> np.ndarray:
     """Of every entry of x at every row, never falling along the motion; NaN where the companion did
-    not arrive, and of those of many motions that could not go on: how many steps their companions
-    took as far as there is not known. `equal` says that steps have a size that was asked
-    for."""
+    not arrive or took no longer steps where these are equal, and of those of many motions that
+    could not go on: how many steps their companions took as far as there is not known. `equal` says
+    that steps have a size that was asked for."""
     lean = found.x[..., ::-1, :][..., ::2, :][..., ::-1, :]
     reached = companion.x.shape[-2]
     apart = np.full(lean.shape, np.nan)
@@ -83,6 +83,8 @@ def estimate(
         part = within[..., ::-1, :][..., first::2, :]
         np.maximum(part, grown[..., ::-1, :][..., : part.shape[-2], :], out=part)
     within[np.isinf(within)] = np.nan
+    if equal:  # steps as long as the motion: a companion cannot take longer ones
+        within[np.broadcast_to(longer < ALIKE, within.shape)] = np.nan
     return within
 
 

@@ -3,8 +3,8 @@
    The functions `kinks` change their sign at such places. They are looked at in FOURTHS places of every step, accepted or not, along the
    cubic through both ends. Where a sign changes, steps of the method itself, shortened, lead near the place from the side where the step
    began. What is left is so short that the last slope, carried on as it changed in the step, errs by less than the tolerance: it goes across
-   by no more than rounding, so that a jump is behind it, too. The step that begins there does not look for the same kink, so that a motion
-   which is held at a jump goes on by the error control alone.
+   by no more than rounding, so that a jump is behind it, too. A step along a series has that in the place of both, the cubic and the slope.
+   The step that begins there does not look for the same kink, so that a motion which is held at a jump goes on by the error control alone.
 
    No claim of licence is made on this file: 0BSD, see LICENSE.txt. */
 
@@ -46,7 +46,20 @@ static double kink_at(Run *r, int k, double t, const double *y)
     return kinks_at(r, t, y, g) == OK ? g[k] : (double)NAN;
 }
 
-/* Between the shares a and b of a step along the cubic `d`, where function k has values of two signs: about where it is zero. */
+/* How a step from y to z goes: along its series where it has one, else by the cubic through both ends. */
+static void course(const Run *r, Dense *d, double t, double h, const double *y, const double *own, const double *z, const double *next)
+{
+#if HIGHEST_ORDER
+    if (starts_at(r->s, t, y)) {
+        taylor_dense(d, r->s, h);
+        return;
+    }
+#endif
+    (void)r, (void)t;
+    cubic(d, h, y, own, z, next);
+}
+
+/* Between the shares a and b of a step along its course `d`, where function k has values of two signs: about where it is zero. */
 static double root_along(Run *r, const Dense *d, int k, double t, double h, double a, double b, double ga, double gb)
 {
     double y[N], place = b;
@@ -64,8 +77,8 @@ static double root_along(Run *r, const Dense *d, int k, double t, double h, doub
     return place;
 }
 
-/* The share of a step from y to z at which one of the functions, `which`, changes its sign first, by the cubic through both ends, or by
-   rounding behind it; NEVER where none does. Number `but`, from 1 on, is not asked: the step begins on it. */
+/* The share of a step from y to z at which one of the functions, `which`, changes its sign first, or by rounding behind it; NEVER where none
+   does. Number `but`, from 1 on, is not asked: the step begins on it. */
 static double first_kink(Run *r, int but, double t, double h, const double *y, const double *own, const double *z, const double *next, int *which)
 {
     const double rounding = 4.0 * DBL_EPSILON * fmax(fabs(t + h), h);
@@ -74,7 +87,7 @@ static double first_kink(Run *r, int but, double t, double h, const double *y, c
     int j, k;
     if (kinks_at(r, t, y, before) != OK)
         return NEVER;
-    cubic(&d, h, y, own, z, next);
+    course(r, &d, t, h, y, own, z, next);
     for (j = 1; j <= FOURTHS && first == NEVER; j++) {
         const double a = (double)(j - 1) / FOURTHS, b = (double)j / FOURTHS;
         dense_at(&d, b, at);
@@ -91,10 +104,17 @@ static double first_kink(Run *r, int but, double t, double h, const double *y, c
     return first;
 }
 
-/* The state by h behind a step, by its last slope, which changes as it did; the kink there. */
+/* The state by h behind a step, by its series, or by its last slope, which changes as it did; the kink there. */
 static double behind(Run *r, const Trial *to, double h, double *z)
 {
     int i;
+#if HIGHEST_ORDER
+    if (starts_at(r->s, r->s->t, r->s->x)) {
+        double next[N];
+        along(r->s->series_order, r->s->series, to->h + h, z, next);
+        return kink_at(r, to->kink - 1, to->end + h, z);
+    }
+#endif
     for (i = 0; i < N; i++)
         z[i] = to->z[i] + h * (to->next[i] + 0.5 * h * (to->next[i] - r->s->slope[i]) / to->h);
     return kink_at(r, to->kink - 1, to->end + h, z);
@@ -122,11 +142,15 @@ static double carried_root(Run *r, const Trial *to, double g, double most)
     return b;
 }
 
-/* What that errs by over h, in units of the tolerance, about. */
+/* What that errs by over h, in units of the tolerance, about; a series errs by no more than over the whole step. */
 static double carried_error(const Run *r, const Trial *to, double h)
 {
     double bend[N];
     int i;
+#if HIGHEST_ORDER
+    if (starts_at(r->s, r->s->t, r->s->x))
+        return 0.0;
+#endif
     for (i = 0; i < N; i++)
         bend[i] = 0.5 * h * h * (to->next[i] - r->s->slope[i]) / to->h;
     return norm(r, bend, r->s->x, to->z) * h / to->h;
@@ -164,7 +188,7 @@ static void came_beyond(Run *r, const Trial *whole, double start, double g, cons
 {
     Simulation *const s = r->s;
     Dense d;
-    cubic(&d, to->h, s->x, s->slope, to->z, to->next);
+    course(r, &d, s->t, to->h, s->x, s->slope, to->z, to->next);
     search->beyond = to->h / whole->h;
     search->place = search->beyond * root_along(r, &d, to->kink - 1, s->t, to->h, 0.0, 1.0, start, g);
     if (!(search->place > search->before))

@@ -27,6 +27,7 @@ class Status(enum.IntEnum):
     FULL = 12
     JUMP = 13
     HELD = 15  # 14 is that of inaccurate steps
+    NOT_SOLVED = 16
 
     @property
     def cause(self) -> str:
@@ -56,6 +57,8 @@ _CAUSES = {
     "by a turn or a prescribed velocity becomes another at once: the motion has no way on",
     Status.HELD: "forces jump here and hold the motion, as dry friction by sign does where it "
     "sticks: at the pace of its steps here the whole would take over 1e10 of them",
+    Status.NOT_SOLVED: "the stages of an implicit step do not converge: the step is too long "
+    "there, or forces jump, as dry friction by sign does where it holds",
 }
 
 

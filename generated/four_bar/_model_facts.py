@@ -207,11 +207,6 @@ class Facts:
         """Of a stop under an enforcement, in words."""
         if status == Status.SINGULAR:
             return self.shared.FUNCTIONS["dynamics"][3]
-        if status == Status.NOT_CONVERGED and not self.lengths["project"]:
-            return (
-                "the stages of an implicit step do not converge: forces change too fast there, as "
-                "dry friction by sign does where it holds"
-            )
         stop = self.stops.get(self.enforcements[enforcement])
         if status == Status.SINGULAR_CHOICE and stop:
             return f"{status.cause}; or {stop}"

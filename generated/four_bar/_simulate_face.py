@@ -17,9 +17,10 @@ from ._inputs import Callback, Feed, Source, Table, check_cover, check_names, fi
 from ._many_motions import many
 from ._model_facts import Facts, Method
 from ._one_motion import Backend, Integration, controlled, follow
-from ._simulation import Simulation, Stopped
+from ._simulation import Simulation, Status, Stopped
 
 TIMES = "simulate() needs finite times that do not decrease"
+SERIES = "taylor"  # rounding of its high terms may make steps too small where others go on
 BEYOND_END = 1e-6  # of the end: what output times may be beyond it, for they are rounded
 
 
@@ -48,9 +49,17 @@ class Request:
 
 def run(facts: Facts, backend: Backend, request: Request) -> Simulation:
     """The motion that was asked for, or many. Raises Stopped, ValueError, TypeError."""
-    if request.integrator == "auto":
+    automatic = request.integrator == "auto"
+    if automatic:
         request = replace(request, integrator=_automatic(facts, request))
-    found, remarks = _found(facts, backend, request)
+    try:
+        found, remarks = _found(facts, backend, request)
+    except Stopped as stopped:
+        short = stopped.partial.status == Status.STEP_TOO_SMALL
+        if not (automatic and short and request.integrator == SERIES):
+            raise
+        request = replace(request, integrator=_explicit(facts, request))
+        found, remarks = _found(facts, backend, request)
     for remark in remarks:  # for who called simulate() of the package
         warnings.warn(remark, RuntimeWarning, stacklevel=4)
     if not request.error:
@@ -86,7 +95,11 @@ def _automatic(facts: Facts, request: Request) -> str:
     usual = request.step_size is None and request.enforcement not in facts.staged
     short = request.rtol <= facts.limits.series
     if smooth and usual and short and _is_one(request):
-        return "taylor"
+        return SERIES
+    return _explicit(facts, request)
+
+
+def _explicit(facts: Facts, request: Request) -> str:
     wanted = "verner9" if request.rtol <= facts.limits.tight else "dop853"
     return wanted if wanted in facts.integrators else facts.integrators[0]
 

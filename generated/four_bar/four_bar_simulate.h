@@ -24,7 +24,8 @@ enum {
     FOUR_BAR_NO_EVENT = 10,      /* a function of the events failed, or gave what is not finite; or count, call and sign are not as four_bar_watch wants them */
     FOUR_BAR_EVENT = 11,         /* an event that is to stop the motion did */
     FOUR_BAR_FULL = 12,          /* no room for the events of another step: take them out and call again */
-    FOUR_BAR_JUMP = 13           /* a constraint jumps, as where a rope comes off a pulley: nothing leads on */
+    FOUR_BAR_JUMP = 13,          /* a constraint jumps, as where a rope comes off a pulley: nothing leads on */
+    FOUR_BAR_NOT_SOLVED = 16     /* the stages of an implicit step do not converge: the step is too long there, or forces jump */
 };
 
 /* Integrators: */

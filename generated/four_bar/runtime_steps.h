@@ -15,6 +15,22 @@ static int jacobian(Run *r, double t, const double *y, double *J)
 }
 #endif
 
+#if COLLOCATION_STAGES || HAS_MIDPOINT
+/* The largest sum of |J y| by its terms: slopes cannot be told better than what they are made of. */
+static double largest_terms(const double *J, const double *y)
+{
+    double terms = 0.0;
+    int i, j;
+    for (i = 0; i < NX; i++) {
+        double sum = 0.0;
+        for (j = 0; j < NX; j++)
+            sum += fabs(J[i * NX + j] * y[j]);
+        terms = fmax(terms, sum);
+    }
+    return terms;
+}
+#endif
+
 #if EXPLICIT_STAGES
 /* An explicit Runge-Kutta method. Stage n of 1 ... stages is at t + c[n - 1] h, at y + h times the sum of weight[j] k[at[j]] over
    row[n - 1] <= j < row[n]; the last stage is the step itself. Rows stages and stages + 1 are the weights of error estimates. */
@@ -249,6 +265,13 @@ static void combined(const double M[][COLLOCATION_STAGES], const double *from, i
         }
 }
 
+/* Is a change of the stages of an equal step no more than rounding? They are `extent` large, and by their slopes' terms they move by
+   `moved`. */
+static int is_rounding(double change, double extent, double moved)
+{
+    return change <= fmax(1e6 * DBL_EPSILON * extent, 4.0 * DBL_EPSILON * moved);
+}
+
 static int collocation_step(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error)
 {
     enum { STAGES = COLLOCATION_STAGES, PAIRS = COLLOCATION_STAGES / 2 };
@@ -257,10 +280,11 @@ static int collocation_step(Run *r, const void *coefficients, double t, double h
     const int equal = s->step_size > 0.0, most = equal ? 50 : 10;
     const double rounding = 10.0 * DBL_EPSILON / r->rtol, enough = equal ? rounding : fmax(rounding, fmin(0.03, sqrt(r->rtol)));
     double J[NX * NX], real[NX * NX], pair[PAIRS][4 * NX * NX], Z[STAGES][NX], W[STAGES][NX], d[STAGES][NX], k[STAGES][N], e[N];
-    double size = 0.0, rate = 1.0;
+    double size = 0.0, rate = 1.0, change = 0.0, extent = 0.0, terms;
     int order[NX], orders[PAIRS][2 * NX], i, j, n, status;
     if ((status = jacobian(r, t, y, J)) != OK)
         return status;
+    terms = largest_terms(J, y);
     for (i = 0; i < NX * NX; i++)
         real[i] = -J[i];
     for (i = 0; i < NX; i++)
@@ -283,7 +307,7 @@ static int collocation_step(Run *r, const void *coefficients, double t, double h
     combined(m->inverse, Z[0], NX, W[0]);
     for (j = 0; j < most; j++) { /* Newton */
         const double before = size;
-        double change = 0.0, extent = 0.0;
+        change = extent = 0.0;
         for (n = 0; n < STAGES; n++) {
             for (i = 0; i < NX; i++)
                 z[i] = y[i] + Z[n][i];
@@ -318,13 +342,13 @@ static int collocation_step(Run *r, const void *coefficients, double t, double h
         rate = j ? size / before : 1.0;
         if (size == 0.0 || (j && (rate < 1.0 ? rate / (1.0 - rate) * size : size) <= enough))
             break;
-        if (equal && j > 2 && !(rate < 1.0) && change <= 1e6 * DBL_EPSILON * extent) /* only rounding is left */
+        if (equal && j > 2 && !(rate < 1.0) && is_rounding(change, extent, h * terms))
             break;
         if (!(rate < 1.0) && j && !equal)
-            return NOT_CONVERGED;
+            return NOT_SOLVED;
     }
-    if (j == most)
-        return NOT_CONVERGED;
+    if (j == most && !(equal && is_rounding(change, extent, h * terms)))
+        return NOT_SOLVED;
     s->collocated_t = t;
     s->collocated_h = h;
     for (i = 0; i < NX; i++) {
@@ -375,11 +399,12 @@ static int collocation_step(Run *r, const void *coefficients, double t, double h
 #if HAS_MIDPOINT
 static int midpoint_step(Run *r, const void *coefficients, double t, double h, const double *y, const double *own, double *z, double *next, double *error)
 {
-    double W[NX * NX], k[N], d[NX], middle[N], size, change, before = INFINITY;
+    double W[NX * NX], k[N], d[NX], middle[N], size, change, terms, before = INFINITY;
     int order[NX], i, n, status;
     (void)coefficients;
     if ((status = jacobian(r, t, y, W)) != OK)
         return status;
+    terms = largest_terms(W, y);
     for (i = 0; i < NX * NX; i++)
         W[i] *= -0.5 * h;
     for (i = 0; i < NX; i++)
@@ -403,12 +428,14 @@ static int midpoint_step(Run *r, const void *coefficients, double t, double h, c
             change = fmax(change, fabs(d[i]));
         }
         next[NX] = k[NX];
-        if (change <= 4.0 * DBL_EPSILON * size || (n > 2 && change >= before && change <= SHARED(1e-11, 1.4e-5) * size))
+        if (change <= 4.0 * DBL_EPSILON * size || (n > 2 && change <= 4.0 * DBL_EPSILON * terms))
+            break;
+        if (n > 2 && change >= before && change <= fmax(SHARED(1e-11, 1.4e-5) * size, SHARED(1e-12, 1.4e-6) * terms))
             break;
         before = change;
     }
     if (n == 50)
-        return NOT_CONVERGED;
+        return NOT_SOLVED;
     for (i = 0; i < N; i++)
         z[i] = y[i] + h * next[i];
     *error = 0.0;

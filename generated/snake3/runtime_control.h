@@ -21,7 +21,7 @@
 #include <stddef.h>
 
 /* What functions return; the same numbers as in NAME.h and NAME_simulate.h. */
-enum { OK, SINGULAR, NOT_CONVERGED, NOT_FINITE, STEP_TOO_SMALL, MORE, NO_METHOD, SINGULAR_POSITION, SINGULAR_CHOICE, NO_INPUT, NO_EVENT, EVENT, FULL, JUMP };
+enum { OK, SINGULAR, NOT_CONVERGED, NOT_FINITE, STEP_TOO_SMALL, MORE, NO_METHOD, SINGULAR_POSITION, SINGULAR_CHOICE, NO_INPUT, NO_EVENT, EVENT, FULL, JUMP, NOT_SOLVED = 16 };
 
 /* A tolerance in units of rounding, given for a precision of 53 bits; and one that leaves the same share of the digits in that
    precision and in one of 24 bits. */

@@ -126,10 +126,11 @@ static int starts_at(const Simulation *s, double t, const double *y)
 #define OTHER_WAY 0.1
 
 /* Directions of unit length point the other way behind a place where they vanish. The series goes on along them as they were and the guard,
-   a length, is as large as before, but the slope is another. */
-static int along_others(Run *r, double t, double h, const double *y, double *z, const double *next)
+   a length, is as large as before, but the slope is another: by all that a tolerance leaves, or, where it leaves much, by more than rates
+   themselves are; by no rounding of those at the start, `own`. */
+static int along_others(Run *r, double t, double h, const double *y, const double *own, double *z, const double *next)
 {
-    double here[N], off[N], differ = 0.0, speed = 0.0;
+    double here[N], off[N], differ = 0.0, speed = 0.0, before = 0.0;
     int i, status = rates(r, t + h, z, here);
     if (status != OK)
         return status;
@@ -138,7 +139,10 @@ static int along_others(Run *r, double t, double h, const double *y, double *z, 
     for (i = 0; i < NQ; i++) {
         differ = fmax(differ, fabs(here[i] - next[i]));
         speed = fmax(speed, fabs(next[i]));
+        before = fmax(before, fabs(own[i]));
     }
+    if (differ > speed && differ > 1e-6 * before)
+        return SINGULAR;
     return differ > OTHER_WAY * speed && norm(r, off, y, z) > 1.0 ? SINGULAR : OK;
 }
 #endif
@@ -159,7 +163,7 @@ static int taylor_step(Run *r, const void *coefficients, double t, double h, con
     }
 #if HAS_LENGTHS
     {
-        const int status = along_others(r, t, h, y, z, next);
+        const int status = along_others(r, t, h, y, own, z, next);
         if (status != OK)
             return status;
     }

@@ -24,7 +24,8 @@ enum {
     SNAKE3_NO_EVENT = 10,      /* a function of the events failed, or gave what is not finite; or count, call and sign are not as snake3_watch wants them */
     SNAKE3_EVENT = 11,         /* an event that is to stop the motion did */
     SNAKE3_FULL = 12,          /* no room for the events of another step: take them out and call again */
-    SNAKE3_JUMP = 13           /* a constraint jumps, as where a rope comes off a pulley: nothing leads on */
+    SNAKE3_JUMP = 13,          /* a constraint jumps, as where a rope comes off a pulley: nothing leads on */
+    SNAKE3_NOT_SOLVED = 16     /* the stages of an implicit step do not converge: the step is too long there, or forces jump */
 };
 
 /* Integrators: */

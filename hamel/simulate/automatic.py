@@ -16,4 +16,9 @@ def picked(method: Method, by: Equations, smooth: bool) -> str:
         rates = program_of(by, ("dynamics",), AUTOMATIC[:1])
         if method.rtol <= faster_from(rates):
             return SERIES
+    return explicit(method)
+
+
+def explicit(method: Method) -> str:
+    """The name of a Runge-Kutta method for one motion."""
     return "verner9" if method.rtol <= TIGHT else "dop853"

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from codegen.integrators import AUTO, AUTOMATIC
+from codegen.passes.taylor import SERIES
 from codegen.reals import real_of
 from derive.choices.redundancy import check_repeated, dependent_rows
 from derive.choices.survey import survey_of
@@ -43,11 +44,11 @@ from hamel.build.stages import mechanics_of
 from hamel.records import Simulated
 from hamel.settings import settings
 from hamel.simulate import motion, stiffness
-from hamel.simulate.automatic import picked
+from hamel.simulate.automatic import explicit, picked
 from hamel.simulate.exact import state_of
 from hamel.simulate.files import check_page, writers
 from hamel.simulate.inputs import Changes, Changing, changes
-from hamel.simulate.kinks import check_kinks
+from hamel.simulate.kinks import warn_of_blows
 from hamel.simulate.limits import LOOKS, MOST_ROWS, ROWS
 from hamel.simulate.method import (
     Method,
@@ -70,6 +71,7 @@ CALLED = ("dynamics", "constraints", "energy", "power", "velocity", "state", "ou
 Progress = Callable[[float], None]
 
 
+OFF_SERIES = "the motion could not go on along its series"
 SINGULAR_START = (
     "another start: this one is a singular configuration, from which the mechanism may go on in "
     "more than one way, in any choice of quasi-velocities"
@@ -158,6 +160,13 @@ def simulation(
     except stiffness.Stiff as stiff:
         why, method = str(stiff), replace(method, integrator=stiffness.IMPLICIT)
         record = _integrated(problem, method, times, progress)
+    except motion.Final:
+        raise
+    except AssumptionError:
+        if not automatic or method.integrator != SERIES:
+            raise
+        why, method = OFF_SERIES, replace(method, integrator=explicit(method))
+        record = _integrated(problem, method, times, progress)
     for write in writing:
         write(record)
     if places.view:
@@ -197,7 +206,7 @@ def problem_of(
     clock = Clock()
     with clock("mechanics", "file → System"):
         system = mechanics_of(load(path))
-    check_kinks(method, system.model)
+    warn_of_blows(method, system.model)
     given = settings(system.model, values)
     u, p = np.array([*given.inputs.values()]), np.array([*given.parameters.values()])
     t = rows.start

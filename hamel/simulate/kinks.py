@@ -1,23 +1,16 @@
-"""What formulas in pieces mean for an integrator: the series of one piece knows nothing of the
-next."""
+"""What formulas in pieces mean for an integrator."""
 
 from __future__ import annotations
 
 import warnings
 
-from derive.diagnostics import AssumptionError
-from derive.model.kinks import Piece, are_constraints_in_pieces, pieces
+from derive.model.kinks import Piece, are_constraints_in_pieces
 from derive.model.records import Model
 from hamel.simulate.method import Method, own_integrator
 
-SERIES = "taylor"
-ADVICE = "a width makes a piece smooth, step(x, 0.01); steps of the others end where a piece does"
 
-
-def check_kinks(method: Method, model: Model) -> None:
-    """Refuse the series of one piece for a motion through several, and warn where a library would
-    not see a blow. Raises AssumptionError."""
-    kinks = pieces(model)
+def warn_of_blows(method: Method, model: Model) -> None:
+    """Warn where a library would not see a blow; our own integrators end steps there."""
     if not own_integrator(method) and are_constraints_in_pieces(model):
         warnings.warn(
             f"{method.integrator} does not see where constraints go on to another piece: of a "
@@ -25,10 +18,6 @@ def check_kinks(method: Method, model: Model) -> None:
             RuntimeWarning,
             stacklevel=2,
         )
-    if not kinks or method.integrator != SERIES:
-        return
-    message = f"{SERIES} takes the series of one piece for the whole step: {said(kinks[0])}"
-    raise AssumptionError(model.diagnostic(kinks[0].span, message, ADVICE))
 
 
 def said(piece: Piece) -> str:

@@ -216,10 +216,10 @@ def _refusal(
         return Final(str(error), "an event with `stop: true` may end the motion before")
     if status is Status.FULL:
         return Final(str(error), _chattering(equations.system.model))
-    # without constraints only the stages of implicit steps may not converge
-    unfollowed = status is Status.NOT_CONVERGED and not equations.system.rows
-    if status is Status.HELD or (unfollowed and jumps(equations.system.model)):
+    if status is Status.HELD or (status is Status.NOT_SOLVED and jumps(equations.system.model)):
         return _held(error, equations.system.model)
+    if status is Status.NOT_SOLVED and by.step_size is not None:
+        return AssumptionError(str(error), "shorter steps, or an integrator that chooses its own")
     pulled = _over_pulleys(equations.system.model)
     if status is Status.NOT_FINITE and pulled:
         hint = (

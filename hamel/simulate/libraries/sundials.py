@@ -32,8 +32,8 @@ from hamel.simulate.limits import MOST_LIBRARY_STEPS, UNCHECKED
 # of flags; IDA shortens some of them
 _STATUS = {
     "TOO_MUCH_WORK": Status.MORE,
-    "CONV_FAILURE": Status.NOT_CONVERGED,
-    "CONV_FAIL": Status.NOT_CONVERGED,
+    "CONV_FAILURE": Status.NOT_SOLVED,
+    "CONV_FAIL": Status.NOT_SOLVED,
 }
 Run = Callable[[], Simulation]
 

@@ -35,7 +35,7 @@ inputs: {F: {unit: N}}
 forces: {x: "F - k*ramp(x) - mu*sign(der(x))"}
 """
 QUICK = ("dop853", "rk4")
-ADAPTIVE = ("verner9", "dopri5", "rkf45", "radau", "rosenbrock")
+ADAPTIVE = ("taylor", "verner9", "dopri5", "rkf45", "radau", "rosenbrock")
 OTHERS = (*ADAPTIVE, "implicit_midpoint")
 WITH_COMPILER = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 # p, start, time, end: half a turn of each half plane; friction takes 2 μ from every half swing

@@ -16,15 +16,13 @@ import numpy as np
 import pytest
 
 import hamel
-from derive.diagnostics import AssumptionError, ModelError
+from derive.diagnostics import ModelError
 from derive.expressions.evaluate import casadi_tables, float_functions, float_tables
 from derive.expressions.tables import Table
 from derive.mechanics.records import System
 from derive.model import load_text
 from derive.model.kinks import pieces, switches
 from hamel.build.stages import mechanics_of
-from hamel.simulate.kinks import check_kinks
-from hamel.simulate.method import Method
 from hamel.verify.checks.motion import sides
 from hamel.verify.reference.outcome import evaluate, reference, state_of
 from hamel.verify.reference.tables import numeric, symbolic
@@ -228,16 +226,10 @@ def test_tables_of_submodels_and_in_repetitions(tmp_path: Path) -> None:
     mechanics_of(model)
 
 
-def test_series_refuse_pieces() -> None:
+def test_a_width_makes_a_piece_smooth() -> None:
     model = load_text(BEAD.format(force="(1 N/m)*ramp(x)", smooth="C1"))
-    method = Method("quasi_velocities", None, None, "taylor", None, 1e-10, None)
     assert len(pieces(model)) == len(switches(model)) == 1
-    with pytest.raises(AssumptionError, match=r"taylor takes the series of one piece.*ramp\(\) in"):
-        check_kinks(method, model)
-    check_kinks(replace(method, integrator="rk4", step_size=0.01), model)
-    check_kinks(replace(method, integrator="dop853"), model)
     smooth = load_text(BEAD.format(force="(1 N/m)*ramp(x, w)", smooth="C1"))
-    check_kinks(method, smooth)
     assert switches(smooth) == ()
 
 

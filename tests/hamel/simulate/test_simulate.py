@@ -344,3 +344,114 @@ def test_stages_that_do_not_converge_are_no_constraints(tmp_path):
     )
     with pytest.raises(AssumptionError, match="the stages of an implicit step do not converge"):
         hamel.simulate(file, time=3.0, integrator="radau")
+
+
+STIFF = """model: two_masses
+coordinates: {x: m, y: m}
+parameters: {k: 1e6 N/m, c: 0 N*s/m}
+kinetic: 1 kg*(der(x)^2 + der(y)^2)/2
+potential: k/2*(x - y)^2 + 5 N/m*x^2
+forces: {x: -c*(der(x) - der(y)), y: c*(der(x) - der(y))}
+initial: {x: 1 m, y: 1 m}
+"""
+
+
+@pytest.mark.parametrize("integrator", ["implicit_midpoint", "radau"])
+def test_equal_implicit_steps_of_stiff_springs_converge_as_far_as_rounding_lets(
+    integrator, tmp_path
+):
+    """The stages were asked for more digits than slopes have where large forces cancel."""
+    file = tmp_path / "two_masses.yaml"
+    file.write_text(STIFF)
+    for values in ({}, {"k": 1e12}, {"k": 1e6, "c": 1e6}, {"k": 1e12, "c": 1e6}):
+        found = hamel.simulate(
+            file, time=1.0, integrator=integrator, step_size=1e-3, step=0.5, values=values
+        )
+        assert found.motion["x"][-1] == pytest.approx(math.cos(math.sqrt(5)), abs=2e-5)
+
+
+SWING = """model: swing
+coordinates: {th: rad}
+kinetic: 1 kg*m^2*der(th)^2/2
+potential: (-9.81 N*m)*cos(th)
+initial: {th: 3 rad}
+"""
+
+
+def test_a_step_that_is_too_long_for_its_stages_is_told(tmp_path):
+    file = tmp_path / "swing.yaml"
+    file.write_text(SWING)
+    with pytest.raises(AssumptionError, match="the step is too long there") as refused:
+        hamel.simulate(file, time=10.0, integrator="implicit_midpoint", step_size=0.5)
+    assert "shorter steps" in str(refused.value)
+
+
+def test_a_motion_of_one_equal_step_has_no_estimate(tmp_path):
+    """Its companion took the same step, and the error was said to be rounding."""
+    file = tmp_path / "swing.yaml"
+    file.write_text(SWING)
+    one, two = (
+        hamel.simulate(file, time=1.0, integrator="rk4", step_size=size, step=1.0)
+        for size in (1.0, 0.5)
+    )
+    assert one.steps == 1 and one.error is None
+    assert two.steps == 2 and two.error is not None and two.error > 1e-2
+
+
+BOUNCE_ONCE = """model: bounce
+plane: xy
+gravity: [0, -10 m/s^2]
+bodies: {ball: {mass: 1 kg}}
+joints: {j: {type: point, parent: ground, child: ball, coordinates: [x, y]}}
+loads: {floor: {type: contact, body: ball, at: [0, 0], plane: {normal: [0, 1]}, stiffness: 1e9 N/m}}
+initial: {y: 1 m}
+"""
+RUBBED_FROM_REST = """model: rubbed
+coordinates: {x: m}
+kinetic: 1 kg*der(x)^2/2
+potential: 50 N/m*x^2
+forces: {x: (-5 N)*sign(der(x))}
+initial: {x: 1 m}
+"""
+
+
+def test_series_end_at_pieces_as_exactly_as_they_are(tmp_path):
+    """What was left of a step was carried on by a slope, which long steps know little of."""
+    file = tmp_path / "bounce.yaml"
+    file.write_text(BOUNCE_ONCE)
+    k, g = 1e9, 10.0
+    w, v = math.sqrt(k), math.sqrt(2 * g)
+    contact = 2 * (math.pi / 2 + math.atan(g / (w * v))) / w
+    flight = 0.8 - v / g - contact
+    found = hamel.simulate(file, time=0.8, step=0.8, integrator="taylor")
+    assert found.motion["y"][-1] == pytest.approx(v * flight - g * flight**2 / 2, abs=1e-9)
+    assert found.motion["y_dot"][-1] == pytest.approx(v - g * flight, abs=1e-9)
+
+
+def test_series_begin_at_a_jump(tmp_path):
+    """Steps became as long as the tolerance lets, from above, for ever: sticking, it was said."""
+    file = tmp_path / "rubbed.yaml"
+    file.write_text(RUBBED_FROM_REST)
+    found = hamel.simulate(file, time=0.5, step=0.5, integrator="taylor", rtol=1e-9)
+    turned = -0.9  # about 0.05 m, then about −0.05 m
+    assert found.motion["x"][-1] == pytest.approx(
+        -0.05 + (turned + 0.05) * math.cos(10 * 0.5 - math.pi), abs=1e-9
+    )
+
+
+def test_auto_leaves_a_series_whose_steps_become_too_small(tmp_path):
+    """With masses of 1 and 1e9 kg the high terms of the series are rounding."""
+    file = tmp_path / "whip.yaml"
+    file.write_text(
+        "model: whip\nplane: xy\ngravity: [0, -9.81 m/s^2]\n"
+        "bodies: {a: {mass: 1 kg, com: [0, -1]}, b: {mass: 1e9 kg, com: [0, -1]}}\n"
+        "joints:\n  A: {type: revolute, parent: ground, child: a, coordinate: q1}\n"
+        "  B: {type: revolute, parent: a, child: b, at: [0, -1], coordinate: q2}\n"
+        "initial: {q1: 1 rad, q2: 0.5 rad, der(q1): 0.3 rad/s}\n"
+    )
+    with pytest.raises(AssumptionError, match="too small"):
+        hamel.simulate(file, time=0.3, integrator="taylor", rtol=1e-9)
+    found = hamel.simulate(file, time=0.3, integrator="auto", rtol=1e-9)
+    assert found.integrator == "verner9" and "its series" in found.why
+    both = hamel.simulate(file, time=0.3, integrator="dop853", rtol=1e-9)
+    assert found.motion["q2"][-1] == pytest.approx(both.motion["q2"][-1], abs=1e-6)

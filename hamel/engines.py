@@ -125,8 +125,9 @@ class Processes(Executor):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Ends all processes at once: who leaves early wants no more answers."""
-        for place in range(self.size):
-            self._drop(place)
+        with _uninterrupted():
+            for place in range(self.size):
+                self._drop(place)
 
     def _process(self, place: int) -> ProcessPoolExecutor:
         process = self._places[place]
@@ -177,15 +178,16 @@ def _is_main() -> bool:
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Processes that start here inherit that no Ctrl-C reaches them: this one ends them, and puts
-    away what they share with it. What ends this one waits until they have started."""
+    """Processes that start here inherit that no Ctrl-C and no SIGTERM of their group reaches them:
+    this one ends them, and puts away what they share with it. What ends this one waits until they
+    have started, or ended."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
     late: list[int] = []
     ends = (signal.SIGINT, signal.SIGTERM) if _is_main() else ()
     before = {each: signal.signal(each, lambda number, _: late.append(number)) for each in ends}
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:

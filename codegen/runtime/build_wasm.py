@@ -35,11 +35,11 @@ PROBE = "#include <math.h>\ndouble f(double x);\ndouble f(double x) { return sin
 
 
 def main(folder: pathlib.Path) -> list[str]:
-    """Writes both modules into the folder `wasm`; the names of the files made. RuntimeError without
-    a compiler, and where it fails."""
+    """Writes both modules into the folder `wasm`; the names of the files made. FileNotFoundError
+    without a compiler, RuntimeError where it fails."""
     command = find_compiler()
     if command is None:
-        raise RuntimeError(f"no compiler for WebAssembly: {INSTALL}")
+        raise FileNotFoundError(f"no compiler for WebAssembly: {INSTALL}")
     first = [] if "ziglang" in command else STACK_FIRST
     names = sources(json.loads((folder / "manifest.json").read_text(encoding="utf-8")))
     outputs = {f"wasm/{NAME}{end}.wasm": flags for end, flags in VARIANTS.items()}

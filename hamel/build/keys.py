@@ -89,6 +89,8 @@ def compiler_errors() -> Iterator[None]:
         yield
     except compiler.CompileError as error:
         LOG.debug("%s", error.said)
+        if isinstance(error, compiler.NoTool):
+            raise ToolchainError(str(error), hint=error.hint) from error
         raise ToolchainError(
             f"the generated code does not compile: {error}",
             hint=error.hint or (REFUSED if LINE.search(str(error)) else OTHER),

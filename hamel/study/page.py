@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from derive.diagnostics import counted
 from derive.textbook.pages import rendered
@@ -66,6 +66,7 @@ def page(
         pair=compare,
         verdicts=[verdict(study.rows, compare) if compare else [] for study in studies],
         heading=_heading,
+        whole=whole,
         comparison=_comparison(studies),
         extremes=_extremes(extremes),
         extremes_chart=Markup(extremes_chart(extremes)),
@@ -94,6 +95,11 @@ def _section(study: Study) -> dict[str, Any]:
         "reference": _reference(study),
         "left_out": _left_out(study.excluded),
     }
+
+
+def whole(line: str) -> Markup:
+    """A line of text whose numbers are not broken at their minus."""
+    return Markup(re.sub(r"\d\S*e-\d+", r'<span class="number">\g<0></span>', str(escape(line))))
 
 
 def _heading(name: str) -> str:

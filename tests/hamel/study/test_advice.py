@@ -23,7 +23,7 @@ from hamel import progress
 from hamel.progress import bar
 from hamel.study.advice import advice, rivals
 from hamel.study.judgement import Reference
-from hamel.study.page import outcomes
+from hamel.study.page import outcomes, whole
 from hamel.verbs import extremes as verb
 from hamel.verbs import report
 
@@ -234,3 +234,9 @@ def test_without_a_terminal_a_line_now_and_then_says_how_far_it_is(
     with bar(2.0, "running") as shown:
         shown(0.5)
     assert capsys.readouterr().err == "running: 25% after 0 s\n"
+
+
+def test_numbers_are_not_broken_at_their_minus() -> None:
+    """Of "1e-10" the 10 stood on the next line."""
+    shown = whole("an error of 2.1e-09 <b>")
+    assert shown == 'an error of <span class="number">2.1e-09</span> &lt;b&gt;'

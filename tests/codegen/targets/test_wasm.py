@@ -229,7 +229,7 @@ def test_without_a_compiler_nothing_is_built(monkeypatch, tmp_path):
     texts["build_wasm.py"] = texts["build_wasm.py"].replace(
         'find_spec("ziglang")', 'find_spec("no")'
     )
-    missing = pytest.raises(ToolchainError, match="^error: no compiler for .*pip install ziglang")
+    missing = pytest.raises(ToolchainError, match=r"^error: no compiler for .*pip install ziglang")
     with missing as refused, compiled("toy", texts):
         pass
     assert "CC names another" not in str(refused.value)

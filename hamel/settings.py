@@ -14,8 +14,9 @@ from derive.expressions.dimensions import infer
 from derive.expressions.evaluate import number
 from derive.expressions.limits import objection
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression, quantity
-from derive.expressions.parser import unit as parsed_unit
+from derive.expressions.parser import expression
+from derive.expressions.quantities import quantity
+from derive.expressions.quantities import unit as parsed_unit
 
 if TYPE_CHECKING:
     from derive.model.records import Model

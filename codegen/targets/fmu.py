@@ -15,7 +15,7 @@ from codegen import text
 from codegen.integrators import INTEGRATORS
 from codegen.program import Kernel, Program
 from codegen.targets.records import Target, unsteady
-from derive.expressions.parser import unit as unit_of
+from derive.expressions.quantities import unit as unit_of
 from derive.expressions.units import BASE
 
 FOLDER = Path(__file__).parents[1] / "runtime"

@@ -15,7 +15,7 @@ from fractions import Fraction
 from derive.expressions import tree
 from derive.expressions.functions import FUNCTIONS
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import unit
+from derive.expressions.quantities import unit
 from derive.expressions.tree import Expression
 from derive.expressions.units import (
     NUMBER,

@@ -4,7 +4,7 @@ advances along its own."""
 from __future__ import annotations
 
 from derive.expressions import tree
-from derive.expressions.parser import quantity
+from derive.expressions.quantities import quantity
 from derive.expressions.tree import ZERO, Expression, Number
 from derive.model.document import Items, Key, Scalar
 from derive.model.entries import ClosureEntry, JointEntry

@@ -10,7 +10,8 @@ from derive.expressions.dimensions import BARE, UNKNOWN, Inferred, infer
 from derive.expressions.evaluate import number
 from derive.expressions.linearity import degree
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression, quantity, unit
+from derive.expressions.parser import expression
+from derive.expressions.quantities import quantity, unit
 from derive.expressions.tree import Expression
 from derive.expressions.units import TIME as TIME_DIMENSION
 from derive.expressions.units import pretty

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from derive.expressions.dimensions import infer
-from derive.expressions.parser import unit
+from derive.expressions.quantities import unit
 from derive.expressions.tree import Call, Expression, Name, Rate, Vector, walk
 from derive.model.document import Key, Scalar
 from derive.model.reader import UNREAD, Reader

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from derive.diagnostics import ModelError, did_you_mean, listed
-from derive.expressions.parser import quantity, unit
+from derive.expressions.quantities import quantity, unit
 from derive.model.composition import Composition, SubmodelEntry
 from derive.model.document import MOST_VALUES, Entries, Key, Node, Scalar, Source, parsed
 from derive.model.files import file_beside

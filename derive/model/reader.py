@@ -18,7 +18,8 @@ from derive.expressions.evaluate import is_constant, number
 from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, Function
 from derive.expressions.limits import too_large
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression, plain_number, quantity, unit
+from derive.expressions.parser import expression
+from derive.expressions.quantities import plain_number, quantity, unit
 from derive.expressions.tables import Table
 from derive.expressions.tree import Expression, Number
 from derive.expressions.units import (

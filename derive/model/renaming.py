@@ -14,7 +14,8 @@ from derive.expressions import tree
 from derive.expressions.evaluate import is_constant
 from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, OUTPUT_FUNCTIONS
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression, quantity
+from derive.expressions.parser import expression
+from derive.expressions.quantities import quantity
 from derive.joints import JOINTS
 from derive.model.composition import SubmodelEntry
 from derive.model.delays import late

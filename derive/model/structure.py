@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from derive.diagnostics import Diagnostic, ModelError, did_you_mean, distinct, listed
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import unit as unit_of
+from derive.expressions.quantities import unit as unit_of
 from derive.model.document import (
     COMMA,
     NUMBER,

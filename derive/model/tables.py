@@ -8,8 +8,8 @@ from itertools import pairwise
 from derive.expressions.functions import Function
 from derive.expressions.limits import objection as too_much
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import quantity
-from derive.expressions.parser import unit as unit_of
+from derive.expressions.quantities import quantity
+from derive.expressions.quantities import unit as unit_of
 from derive.expressions.tables import SMOOTH, Table
 from derive.model.document import Items, Key, Scalar, Source
 from derive.model.entries import TableEntry

@@ -21,7 +21,7 @@ from derive.expressions import tree
 from derive.expressions.deferred import changed
 from derive.expressions.evaluate import number
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import unit as unit_of
+from derive.expressions.quantities import unit as unit_of
 from derive.expressions.tree import Expression
 from derive.expressions.units import (
     LENGTH,

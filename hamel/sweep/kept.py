@@ -17,7 +17,7 @@ from derive.expressions.dimensions import infer
 from derive.expressions.evaluate import value
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
-from derive.expressions.parser import unit as parsed_unit
+from derive.expressions.quantities import unit as parsed_unit
 from derive.expressions.tree import Expression
 from derive.expressions.units import pretty
 

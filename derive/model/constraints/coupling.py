@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from derive.expressions.parser import unit as parsed_unit
+from derive.expressions.quantities import unit as parsed_unit
 from derive.expressions.tree import ZERO, Name, Product
 from derive.expressions.units import pretty, quotient_of
 from derive.model.algebra import minus, negated, plus

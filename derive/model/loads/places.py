@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from derive.expressions.parser import unit as parsed_unit
+from derive.expressions.quantities import unit as parsed_unit
 from derive.expressions.tree import ZERO, Expression
 from derive.expressions.units import pretty, quotient_of
 from derive.model.document import Items, Key, Scalar

@@ -1,6 +1,6 @@
 """The formula parser and the evaluation of its trees.
 
-Of derive.expressions: scalars.
+Of derive.expressions: quantities, scalars, tokens.
 """
 
 import math
@@ -26,7 +26,8 @@ from derive.expressions.linearity import (
     degree,
 )
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression, plain_number, quantity
+from derive.expressions.parser import expression
+from derive.expressions.quantities import plain_number, quantity
 from derive.expressions.tree import Name, Negative, Number, Power, Product, Quotient, Rate, Sum
 
 NAMES = {"a": 1.7, "b": -0.6, "c": 2.3, "x": 0.4}

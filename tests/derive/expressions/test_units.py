@@ -7,7 +7,8 @@ import pytest
 
 from derive.expressions.dimensions import BARE, UNKNOWN, infer
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import expression, quantity, unit
+from derive.expressions.parser import expression
+from derive.expressions.quantities import quantity, unit
 from derive.expressions.tree import Name, Quotient
 from derive.expressions.units import (
     ENERGY,

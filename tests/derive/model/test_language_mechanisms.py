@@ -15,7 +15,8 @@ import pytest
 
 from derive.expressions import tree
 from derive.expressions.evaluate import number
-from derive.expressions.parser import expression, quantity
+from derive.expressions.parser import expression
+from derive.expressions.quantities import quantity
 from derive.expressions.tree import ONE, ZERO, Name, Number
 from derive.joints import CLOSURES, JOINTS
 from derive.model import KINDS, load, load_text, schema

@@ -11,7 +11,7 @@ import pytest
 import hamel
 from derive.diagnostics import VerificationError
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.parser import unit
+from derive.expressions.quantities import unit
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.model import load, load_text

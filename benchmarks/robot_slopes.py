@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from derive.formulations.records import Equations, Function
-from derive.model.named_frames import frames_of
+from derive.model.mechanism.named_frames import frames_of
 from derive.model.records import GROUND
 
 Note = Callable[[str, np.ndarray, np.ndarray], None]

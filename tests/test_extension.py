@@ -52,8 +52,8 @@ from pydantic import Field
 
 from derive.expressions.tree import Expression
 from derive.model.actuators import velocity_of
-from derive.model.keys import Entry, Formula
-from derive.model.kind import Kind
+from derive.model.language.keys import Entry, Formula
+from derive.model.language.kind import Kind
 from derive.model.records import Span
 
 
@@ -107,8 +107,8 @@ from pydantic import Field
 from derive.expressions.tree import Name
 from derive.model.algebra import minus
 from derive.model.constraints.places import of_name
-from derive.model.entries import Entry, Formula
-from derive.model.kind import Kind
+from derive.model.language.entries import Entry, Formula
+from derive.model.language.kind import Kind
 from derive.model.constraint_records import Holonomic
 
 
@@ -341,7 +341,7 @@ DERIVED_AGAIN = {
 """,
     ),
     "hamel/verify/reference/loads.py": (
-        "        case JointSpring():",
+        "        case JointSpring()",
         """        case Magnet():
             s = state.q[[c.name for c in model.coordinates].index(load.coordinate)]
             where, direction = _conjugate(model, state, load.velocity)

@@ -42,8 +42,8 @@ _TABLE = (
 )
 FUNCTIONS = {function.name: function for function in _TABLE}
 
-# What formulas of indices may call, in braces: derive.model.repetition makes numbers of them when
-# the file is read.
+# What formulas of indices may call, in braces: derive.model.composing.repetition makes numbers of
+# them when the file is read.
 INDEX_FUNCTIONS = {
     "mod": Function("mod", (2, 2), "number", "what is left of a division"),
     **{name: FUNCTIONS[name] for name in ("min", "max", "abs")},

@@ -21,7 +21,7 @@ from derive.mechanics import named_frames as mechanics
 from derive.mechanics.named_frames import FrameChain, frame_chain, place_of
 from derive.mechanics.records import System
 from derive.mechanics.solve import scalars
-from derive.model.named_frames import frame_named
+from derive.model.mechanism.named_frames import frame_named
 
 _WRITTEN = {
     mechanics.ALIGNED: "along the ground's axes (LOCAL_WORLD_ALIGNED)",

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from derive.diagnostics import AssumptionError, HamelError, did_you_mean, listed, nearest
 from derive.formulations.named_frames import about_frame
 from derive.formulations.records import Equations, Family, Request
-from derive.model.named_frames import frames_of, is_shared, readings, shared_name
+from derive.model.mechanism.named_frames import frames_of, is_shared, readings, shared_name
 
 
 def request_of(equations: Equations, name: str) -> Request | None:

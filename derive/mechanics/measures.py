@@ -39,7 +39,7 @@ from derive.mechanics.records import Place
 from derive.mechanics.scene import NORMAL, NOTHING, Scene
 from derive.mechanics.symbols import define
 from derive.mechanics.tree import ground_point, link_point, relative_rotation
-from derive.model.named_frames import carrier
+from derive.model.mechanism.named_frames import carrier
 from derive.model.records import Measure
 
 

@@ -7,13 +7,13 @@ from typing import Any
 
 from derive.joints import CLOSURES, JOINTS
 from derive.model.build import built
+from derive.model.composing.expansion import expanded
 from derive.model.document import LARGEST, Source, content, decoded, parsed
-from derive.model.expansion import expanded
-from derive.model.kinds import KINDS
+from derive.model.language.kinds import KINDS
+from derive.model.language.shape import json_schema
+from derive.model.language.structure import structured
 from derive.model.memory import without_collections
 from derive.model.records import Model
-from derive.model.shape import json_schema
-from derive.model.structure import structured
 
 __all__ = ["KINDS", "Model", "load", "load_text", "schema"]
 

@@ -16,15 +16,15 @@ from derive.expressions.tree import ONE, Call, Expression, Name
 from derive.expressions.units import NUMBER, TIME, Dimension, pretty, product_of, quotient_of
 from derive.model import algebra
 from derive.model.document import Key, Scalar
-from derive.model.entries import InputEntry
-from derive.model.frames import Names
+from derive.model.language.entries import InputEntry
 from derive.model.load_records import Armature, GeneralisedForce
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader, dimension_of, force_unit
 from derive.model.records import Input, Model, Velocity
 from derive.model.scope import INPUT, Symbol
 
 if TYPE_CHECKING:
-    from derive.model.shape import Document
+    from derive.model.language.shape import Document
 
 
 def inputs(

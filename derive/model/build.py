@@ -5,42 +5,27 @@ from __future__ import annotations
 from dataclasses import replace
 
 from derive.expressions.tree import ZERO, Expression, Name, Number, walk
-from derive.model import (
-    actuators,
-    bodies,
-    definitions,
-    delays,
-    events,
-    extremes,
-    frames,
-    letters,
-    mechanism,
-    motions,
-    named_frames,
-    paths,
-    published,
-    states,
-    steady,
-    tables,
-    ties,
-)
+from derive.model import actuators, definitions, letters, tables
 from derive.model.collisions import check_collisions
-from derive.model.delays import with_delays
 from derive.model.document import MOST_BODIES, Key, Scalar, Source
-from derive.model.frames import Frame, Names
-from derive.model.initial import initial
-from derive.model.keys import Entry
+from derive.model.language.keys import Entry
+from derive.model.language.shape import Document, kind_of
 from derive.model.loads.expression import generalised_force
 from derive.model.loads.in_joint import in_joint
-from derive.model.massless import check_tips
+from derive.model.mechanism import bodies, frames, named_frames, paths, ties
+from derive.model.mechanism import tree as mechanism
+from derive.model.mechanism.frames import Frame, Names
+from derive.model.mechanism.massless import check_tips
+from derive.model.mechanism.space import Space
+from derive.model.motion import delays, events, extremes, motions, published, states, steady
+from derive.model.motion.delays import with_delays
+from derive.model.motion.initial import initial
+from derive.model.motion.speeds import records
+from derive.model.motion.speeds import speeds as of_choices
 from derive.model.names import module_objection
 from derive.model.reader import Reader
 from derive.model.records import GROUND, Constraint, Load, Model, Vector3
 from derive.model.scope import COORDINATE, MOTION, PARAMETER, TIME, VELOCITY
-from derive.model.shape import Document, kind_of
-from derive.model.space import Space
-from derive.model.speeds import records
-from derive.model.speeds import speeds as of_choices
 
 LONGEST_TEXT = 64 << 10
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from derive.model.frames import Names
+from derive.model.language.shape import Document
+from derive.model.mechanism.frames import Names
 from derive.model.names import identifier
 from derive.model.reader import Reader
 from derive.model.records import Span
-from derive.model.shape import Document
 
 
 def check_collisions(reader: Reader, document: Document, names: Names) -> None:

@@ -16,11 +16,11 @@ from derive.expressions.tree import Expression
 from derive.expressions.units import TIME as TIME_DIMENSION
 from derive.expressions.units import pretty
 from derive.model.document import Key, Scalar
-from derive.model.entries import ParameterEntry
+from derive.model.language.entries import ParameterEntry
+from derive.model.language.shape import Document
 from derive.model.reader import WITH_KINEMATICS, Reader
 from derive.model.records import Parameter
 from derive.model.scope import ANYTHING, PARAMETER, TIME, Symbol, used
-from derive.model.shape import Document
 
 FEW = 3  # names in a note
 

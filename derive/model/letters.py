@@ -7,11 +7,11 @@ import re
 from collections.abc import Sequence
 
 from derive.model.document import Items, Scalar
-from derive.model.entries import CoordinateEntry, ParameterEntry
+from derive.model.language.entries import CoordinateEntry, ParameterEntry
+from derive.model.language.shape import Document
 from derive.model.names import COMMANDS, cut
 from derive.model.reader import Reader
 from derive.model.records import Coordinate
-from derive.model.shape import Document
 
 MOST = 60  # characters
 # letters, digits, indices and a few commands

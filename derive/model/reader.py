@@ -37,10 +37,10 @@ from derive.model.kinematics.arguments import Arguments
 from derive.model.kinematics.measures import Measures
 from derive.model.kinematics.rates import Rates
 from derive.model.kinematics.rewriting import Rewriting, speaks_of_motion
+from derive.model.mechanism.space import ORIGIN, Space, normalised
 from derive.model.names import objection
 from derive.model.records import Path, Span, Vector3
 from derive.model.scope import CONSTANT, Scope
-from derive.model.space import ORIGIN, Space, normalised
 
 T = TypeVar("T")
 ANY_UNIT = None

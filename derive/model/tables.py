@@ -11,12 +11,12 @@ from derive.expressions.mistakes import FormulaError
 from derive.expressions.quantities import quantity
 from derive.expressions.quantities import unit as unit_of
 from derive.expressions.tables import SMOOTH, Table
+from derive.model.composing.files import file_beside
 from derive.model.document import Items, Key, Scalar, Source
-from derive.model.entries import TableEntry
-from derive.model.files import file_beside
+from derive.model.language.entries import TableEntry
+from derive.model.language.shape import Document
 from derive.model.reader import Reader, dimension_of
 from derive.model.records import Span
-from derive.model.shape import Document
 
 LARGEST = 1 << 20  # bytes of a CSV file
 MOST = 500  # points: each is a few operations wherever the table is used

@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Sequence
 
-from derive.model.named_frames import TAKEN
+from derive.model.mechanism.named_frames import TAKEN
 from derive.model.names import LONGEST, identifier, module_objection, objection
 
 # what the joints with several coordinates and velocities put behind their name

@@ -16,8 +16,8 @@ from typing import NoReturn
 from derive import model
 from derive.diagnostics import Diagnostic, ModelError, listed
 from derive.expressions.limits import BELOW, too_large
-from derive.model.bodies import WAIVER
 from derive.model.builder import Model as BuiltModel
+from derive.model.mechanism.bodies import WAIVER
 from derive.model.memory import without_collections
 from derive.model.records import Model
 from derive.robots import ROBOTS, UNREAD, File, RobotFile, mjcf, urdf

@@ -12,7 +12,7 @@ from derive.expressions.tree import ONE, Call, Expression, Number
 from derive.mechanics.scene import IN_PLANE
 from derive.model.algebra import Rows, negated
 from derive.model.load_records import Bushing, Wrench
-from derive.model.named_frames import frame_named
+from derive.model.mechanism.named_frames import frame_named
 from derive.model.records import Closure, Joint, Load, Model, Placement
 from derive.textbook.layout import FEW_DIGITS
 from derive.textbook.manuscript import Manuscript

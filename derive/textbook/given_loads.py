@@ -24,7 +24,7 @@ from derive.model.load_records import (
     Wrench,
 )
 from derive.model.loads.places import per
-from derive.model.named_frames import frame_named
+from derive.model.mechanism.named_frames import frame_named
 from derive.model.reader import force_unit
 from derive.model.records import GROUND, Coordinate, Path, Velocity, Waypoint
 from derive.textbook.given_surfaces import shape, touched

@@ -22,7 +22,7 @@ from derive.expressions.evaluate import number
 from derive.formulations import equations
 from derive.formulations.charts import together
 from derive.model.builder import Model as BuiltModel
-from derive.model.extremes import REAL
+from derive.model.motion.extremes import REAL
 from derive.model.records import Extreme, Model
 from derive.robots import File
 from derive.robots.reading import load

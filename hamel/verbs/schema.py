@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from derive.model import reference, schema
+from derive.model import schema
+from derive.model.language import reference
 
 if TYPE_CHECKING:
     from rich.console import Console

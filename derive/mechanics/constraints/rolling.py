@@ -35,7 +35,7 @@ from derive.mechanics.scene import NORMAL, NOTHING, Block, Scene
 from derive.mechanics.surfaces import nearest_point, surface_over
 from derive.mechanics.tree import ground_point, link_direction, link_point, relative_rotation
 from derive.model.constraint_records import Rolling
-from derive.model.space import ORIGIN
+from derive.model.mechanism.space import ORIGIN
 
 Way = tuple[Vector, Vector]  # a direction, and r × direction, r from the centre to the contact
 

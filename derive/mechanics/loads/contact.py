@@ -27,7 +27,7 @@ from derive.mechanics.scene import IN_PLANE, NORMAL, Scene
 from derive.mechanics.surfaces import surface_over
 from derive.mechanics.symbols import Symbols
 from derive.model.load_records import Contact
-from derive.model.space import ORIGIN
+from derive.model.mechanism.space import ORIGIN
 
 
 @dataclass(frozen=True)

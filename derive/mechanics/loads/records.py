@@ -14,7 +14,7 @@ from derive.mechanics.limits import FEW_ENTRIES
 from derive.mechanics.named_frames import place_of
 from derive.mechanics.scene import Scene
 from derive.mechanics.tree import Wrench, ground_point, link_direction
-from derive.model.named_frames import frame_named
+from derive.model.mechanism.named_frames import frame_named
 from derive.model.records import GROUND
 
 Couples = Mapping[int, Wrench]  # moments and forces on links, about their origins, in their axes

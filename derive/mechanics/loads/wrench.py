@@ -15,7 +15,7 @@ from derive.mechanics.loads.records import (
 from derive.mechanics.named_frames import place_of
 from derive.mechanics.scene import Scene
 from derive.model.load_records import Wrench
-from derive.model.named_frames import frame_named
+from derive.model.mechanism.named_frames import frame_named
 
 
 def wrench(scene: Scene, load: Wrench) -> Applied:

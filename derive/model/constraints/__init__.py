@@ -12,7 +12,7 @@ from derive.model.constraints.nonholonomic import NONHOLONOMIC
 from derive.model.constraints.point_on_surface import POINT_ON_SURFACE
 from derive.model.constraints.prescribed import PRESCRIBED
 from derive.model.constraints.rolling import ROLLING
-from derive.model.kind import Kind
+from derive.model.language.kind import Kind
 from derive.model.records import Constraint
 
 CONSTRAINTS: tuple[Kind[Constraint], ...] = (

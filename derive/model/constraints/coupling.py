@@ -11,9 +11,9 @@ from derive.model.algebra import minus, negated, plus
 from derive.model.constraint_records import Holonomic
 from derive.model.constraints.places import of_joint, of_name
 from derive.model.document import Items, Key
-from derive.model.frames import Names
-from derive.model.keys import Constant, Entry, NameList, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Constant, Entry, NameList, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader
 from derive.model.records import Coordinate
 

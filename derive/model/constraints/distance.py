@@ -7,10 +7,10 @@ from pydantic import Field
 from derive.model.constraint_records import Distance
 from derive.model.constraints.lengths import length
 from derive.model.document import Key
-from derive.model.frames import Names
-from derive.model.keys import Constant, Entry, NameList, Pair, Text, Word, term
-from derive.model.kind import Bodies, Kind
-from derive.model.mechanism import bodies
+from derive.model.language.keys import Constant, Entry, NameList, Pair, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
+from derive.model.mechanism.frames import Names
+from derive.model.mechanism.tree import bodies
 from derive.model.reader import Reader
 
 

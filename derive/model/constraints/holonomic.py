@@ -8,9 +8,9 @@ from derive.expressions.tree import Expression
 from derive.model.constraint_records import Holonomic
 from derive.model.constraints.nonideal import nonideal
 from derive.model.document import Key, Scalar
-from derive.model.frames import Names
-from derive.model.keys import Entry, Formula, PerCoordinate, Text, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Entry, Formula, PerCoordinate, Text, term
+from derive.model.language.kind import Bodies, Kind
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader
 from derive.model.scope import COORDINATE, POSITION, used
 

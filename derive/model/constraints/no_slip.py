@@ -6,10 +6,10 @@ from pydantic import Field
 
 from derive.model.constraint_records import NoSlip
 from derive.model.document import Key
-from derive.model.frames import Names
-from derive.model.keys import Constants, Direction, Entry, Named, Text, Word, term
-from derive.model.kind import Bodies, Kind
-from derive.model.mechanism import some_body
+from derive.model.language.keys import Constants, Direction, Entry, Named, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
+from derive.model.mechanism.frames import Names
+from derive.model.mechanism.tree import some_body
 from derive.model.reader import Reader
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from derive.expressions.linearity import Degree, degree
 from derive.expressions.tree import ZERO, Expression
 from derive.model.document import Items, Key, Scalar
-from derive.model.frames import Names
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader, force_unit
 from derive.model.scope import NONIDEAL
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from derive.diagnostics import listed
 from derive.model.document import Scalar
-from derive.model.frames import Names
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader
 from derive.model.records import Coordinate
 

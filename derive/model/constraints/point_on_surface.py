@@ -12,10 +12,10 @@ from derive.expressions.tree import Expression
 from derive.expressions.units import LENGTH
 from derive.model.constraint_records import OnSurface
 from derive.model.document import Key, Scalar
-from derive.model.frames import Names
-from derive.model.keys import Constants, Entry, Formula, Named, Text, Word, term
-from derive.model.kind import Bodies, Kind
-from derive.model.mechanism import some_body
+from derive.model.language.keys import Constants, Entry, Formula, Named, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
+from derive.model.mechanism.frames import Names
+from derive.model.mechanism.tree import some_body
 from derive.model.reader import Reader
 from derive.model.records import GROUND
 from derive.model.scope import COORDINATE, PARAMETER, TIME, Symbol

@@ -9,9 +9,9 @@ from derive.model.algebra import negated
 from derive.model.constraint_records import Holonomic
 from derive.model.constraints.places import of_joint, of_name
 from derive.model.document import Key
-from derive.model.frames import Names
-from derive.model.keys import Entry, Formula, Named, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Entry, Formula, Named, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader
 from derive.model.records import Coordinate
 from derive.model.scope import PARAMETER, TIME

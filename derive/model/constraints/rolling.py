@@ -10,8 +10,7 @@ from derive.model.constraint_records import Rolling
 from derive.model.constraints.lengths import length
 from derive.model.constraints.point_on_surface import surface
 from derive.model.document import Key, Scalar
-from derive.model.frames import Names
-from derive.model.keys import (
+from derive.model.language.keys import (
     Constant,
     Constants,
     Direction,
@@ -22,8 +21,9 @@ from derive.model.keys import (
     Word,
     term,
 )
-from derive.model.kind import Bodies, Kind
-from derive.model.mechanism import some_body
+from derive.model.language.kind import Bodies, Kind
+from derive.model.mechanism.frames import Names
+from derive.model.mechanism.tree import some_body
 from derive.model.reader import Reader
 from derive.model.records import GROUND, Vector3
 

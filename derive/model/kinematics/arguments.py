@@ -19,9 +19,9 @@ from derive.model.kinematics.measures import (
     Measures,
     Spot,
 )
+from derive.model.mechanism.space import ORIGIN, Space, normalised
 from derive.model.records import GROUND, Measure, Vector3
 from derive.model.scope import ACCELERATION, COORDINATE, VELOCITY, Scope, Symbol
-from derive.model.space import ORIGIN, Space, normalised
 
 Parts = tuple[Expression, ...]  # of a vector, along the axes of the model
 Rewritten = Expression | Parts

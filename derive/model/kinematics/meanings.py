@@ -9,9 +9,9 @@ from derive.expressions import tree
 from derive.expressions.tree import Call, Expression, Name
 from derive.model.kinematics.arguments import Arguments, Parts, Rewritten
 from derive.model.kinematics.measures import Spot
+from derive.model.mechanism.space import ORIGIN
 from derive.model.quantities import minus, plus, times
 from derive.model.records import GROUND
-from derive.model.space import ORIGIN
 
 Meaning = Callable[[Arguments, Call], Rewritten]
 

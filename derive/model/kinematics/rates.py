@@ -14,9 +14,9 @@ from derive.expressions.units import TIME, quotient_of
 from derive.model.kinematics.arguments import ALONE, Arguments, Parts, Rewritten
 from derive.model.kinematics.measures import ACCELERATIONS, POSITIONS, SPEEDING, VELOCITIES, Spot
 from derive.model.limits import LONGEST_RATE
+from derive.model.mechanism.space import ORIGIN
 from derive.model.records import GROUND, Measure
 from derive.model.scope import ACCELERATION, COORDINATE, PARAMETER, STATE, VELOCITY, Symbol
-from derive.model.space import ORIGIN
 
 
 @dataclass(frozen=True)

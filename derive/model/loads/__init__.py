@@ -4,7 +4,7 @@ The other half, the force or energy of the record that a file here makes, is one
 derive/mechanics/loads.
 """
 
-from derive.model.kind import Kind
+from derive.model.language.kind import Kind
 from derive.model.loads.armature import ARMATURE
 from derive.model.loads.bushing import BUSHING
 from derive.model.loads.contact import CONTACT

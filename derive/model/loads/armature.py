@@ -6,11 +6,11 @@ from pydantic import Field
 
 from derive.model.actuators import per_acceleration, velocity_of
 from derive.model.document import Key, Scalar
-from derive.model.frames import Names
-from derive.model.keys import Constant, Entry, Named, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Constant, Entry, Named, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
 from derive.model.load_records import Armature
 from derive.model.loads.places import not_negative
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader
 from derive.model.records import Velocity
 

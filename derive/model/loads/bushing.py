@@ -6,16 +6,16 @@ from pydantic import Field
 
 from derive.expressions.tree import ZERO, Expression
 from derive.model.document import Items, Key, Scalar
-from derive.model.frames import Names
-from derive.model.keys import ConstantOrList, Entry, NameList, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import ConstantOrList, Entry, NameList, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
+from derive.model.language.place_entries import Sides
 from derive.model.load_records import Bushing
-from derive.model.mechanism import bodies
-from derive.model.place_entries import Sides
-from derive.model.placements import placements
+from derive.model.mechanism.frames import Names
+from derive.model.mechanism.placements import placements
+from derive.model.mechanism.space import ORIGIN
+from derive.model.mechanism.tree import bodies
 from derive.model.reader import Reader
 from derive.model.records import Vector3
-from derive.model.space import ORIGIN
 
 
 class BushingEntry(Entry):

@@ -16,12 +16,12 @@ from derive.model.constraints.rolling import (
     shape_of,
 )
 from derive.model.document import Key, Scalar
-from derive.model.frames import Names
-from derive.model.keys import Constant, Constants, Entry, Formula, Named, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Constant, Constants, Entry, Formula, Named, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
 from derive.model.load_records import Contact
 from derive.model.loads.places import not_negative
-from derive.model.mechanism import some_body
+from derive.model.mechanism.frames import Names
+from derive.model.mechanism.tree import some_body
 from derive.model.reader import Reader
 
 

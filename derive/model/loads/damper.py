@@ -7,11 +7,11 @@ from pydantic import Field
 from derive.expressions.tree import ZERO
 from derive.model.actuators import velocity_of
 from derive.model.document import Key, Scalar
-from derive.model.frames import Names
-from derive.model.keys import Entry, Formula, Named, NameList, Pair, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Entry, Formula, Named, NameList, Pair, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
 from derive.model.load_records import JointDamper, PointSpring
 from derive.model.loads.places import per, refuse_keys, two_points
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Velocity
 from derive.model.scope import NONIDEAL

@@ -9,10 +9,10 @@ from pydantic import Field
 from derive.expressions.tree import Expression
 from derive.model.actuators import velocity_of
 from derive.model.document import Key, Scalar
-from derive.model.frames import Names
-from derive.model.keys import Entry, Formula, Named, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Entry, Formula, Named, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
 from derive.model.load_records import GeneralisedForce
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Velocity
 from derive.model.scope import NONIDEAL

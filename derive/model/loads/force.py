@@ -5,12 +5,12 @@ from __future__ import annotations
 from pydantic import Field
 
 from derive.model.document import Key
-from derive.model.frames import Names
-from derive.model.keys import Constants, Entry, Formulas, Named, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Constants, Entry, Formulas, Named, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
 from derive.model.load_records import Force
 from derive.model.loads.places import axes
-from derive.model.mechanism import some_body
+from derive.model.mechanism.frames import Names
+from derive.model.mechanism.tree import some_body
 from derive.model.reader import Reader
 from derive.model.scope import NONIDEAL
 

@@ -7,12 +7,12 @@ from pydantic import Field
 from derive.expressions.tree import ONE, Expression
 from derive.model.actuators import velocity_of
 from derive.model.document import Key
-from derive.model.entries import LawOfFriction
-from derive.model.frames import Names
-from derive.model.keys import Named, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.entries import LawOfFriction
+from derive.model.language.keys import Named, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
 from derive.model.load_records import JointFriction
 from derive.model.loads.places import not_negative, per
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Velocity
 from derive.model.scope import NONIDEAL

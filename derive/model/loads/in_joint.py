@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from derive.diagnostics import listed
 from derive.model.actuators import velocity_of
 from derive.model.document import Scalar
-from derive.model.frames import QUATERNION, Frame, Names
 from derive.model.loads.armature import armature_at
 from derive.model.loads.damper import damper_at
 from derive.model.loads.expression import At
 from derive.model.loads.friction import friction_at
 from derive.model.loads.spring import ball_spring, is_quaternion, spring_at
+from derive.model.mechanism.frames import QUATERNION, Frame, Names
 from derive.model.reader import Reader
 from derive.model.records import Load
 

@@ -9,8 +9,8 @@ from derive.expressions.quantities import unit as parsed_unit
 from derive.expressions.tree import ZERO, Expression
 from derive.expressions.units import pretty, quotient_of
 from derive.model.document import Items, Key, Scalar
-from derive.model.kind import Bodies
-from derive.model.mechanism import bodies
+from derive.model.language.kind import Bodies
+from derive.model.mechanism.tree import bodies
 from derive.model.reader import Reader
 from derive.model.records import GROUND, Vector3
 from derive.model.scope import CONSTANT

@@ -8,9 +8,8 @@ from pydantic import Field
 
 from derive.model.actuators import velocity_of
 from derive.model.document import Items, Key, Scalar
-from derive.model.entries import JointSpringEntry
-from derive.model.frames import Names
-from derive.model.keys import (
+from derive.model.language.entries import JointSpringEntry
+from derive.model.language.keys import (
     Constant,
     ConstantOrList,
     Entry,
@@ -21,12 +20,13 @@ from derive.model.keys import (
     Word,
     term,
 )
-from derive.model.kind import Bodies, Kind
+from derive.model.language.kind import Bodies, Kind
 from derive.model.load_records import BallSpring, JointSpring, PointSpring
 from derive.model.loads.places import optional, per, refuse_keys, single, two_points
+from derive.model.mechanism.frames import Names
+from derive.model.mechanism.space import ORIGIN
 from derive.model.reader import Reader, force_unit
 from derive.model.records import Coordinate, Vector3, Velocity
-from derive.model.space import ORIGIN
 
 
 class SpringEntry(Entry):

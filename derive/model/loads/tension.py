@@ -6,11 +6,11 @@ from pydantic import Field
 
 from derive.expressions.tree import ZERO
 from derive.model.document import Key
-from derive.model.frames import Names
-from derive.model.keys import Entry, Formula, Named, NameList, Pair, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Entry, Formula, Named, NameList, Pair, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
 from derive.model.load_records import Tension
 from derive.model.loads.places import two_points
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader
 from derive.model.records import Path, Vector3, Waypoint
 from derive.model.scope import NONIDEAL

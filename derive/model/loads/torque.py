@@ -6,12 +6,12 @@ from pydantic import Field
 
 from derive.expressions.tree import ZERO, Expression, Negative
 from derive.model.document import Items, Key, Scalar
-from derive.model.frames import Names
-from derive.model.keys import Entry, FormulaOrList, Named, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Entry, FormulaOrList, Named, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
 from derive.model.load_records import Torque
 from derive.model.loads.places import axes
-from derive.model.mechanism import some_body
+from derive.model.mechanism.frames import Names
+from derive.model.mechanism.tree import some_body
 from derive.model.reader import Reader
 from derive.model.records import Vector3
 from derive.model.scope import NONIDEAL

@@ -6,12 +6,12 @@ from pydantic import Field
 
 from derive.diagnostics import did_you_mean, listed
 from derive.model.document import Key, Scalar
-from derive.model.frames import Names
-from derive.model.keys import Entry, FormulaOrList, Formulas, Named, Text, Word, term
-from derive.model.kind import Bodies, Kind
+from derive.model.language.keys import Entry, FormulaOrList, Formulas, Named, Text, Word, term
+from derive.model.language.kind import Bodies, Kind
 from derive.model.load_records import Wrench
 from derive.model.loads.places import axes
 from derive.model.loads.torque import torque_components
+from derive.model.mechanism.frames import Names
 from derive.model.reader import Reader
 from derive.model.records import GROUND
 from derive.model.scope import NONIDEAL

@@ -9,7 +9,7 @@ import numpy as np
 
 from derive.expressions.tree import Expression
 from derive.model.load_records import Force, Torque, Wrench
-from derive.model.named_frames import frame_named
+from derive.model.mechanism.named_frames import frame_named
 from hamel.draw.mechanism.anchors import Anchor
 from hamel.draw.mechanism.joints import hangs
 from hamel.draw.mechanism.marks import arrow

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from derive.model.named_frames import frames_of, readings
+from derive.model.mechanism.named_frames import frames_of, readings
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import Sums, deviation, worst
 from hamel.verify.checks.evidence import Evidence

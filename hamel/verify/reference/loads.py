@@ -27,7 +27,7 @@ from derive.model.load_records import (
     Torque,
     Wrench,
 )
-from derive.model.named_frames import frame_named
+from derive.model.mechanism.named_frames import frame_named
 from derive.model.records import GROUND, Body, Load, Model
 from hamel.verify.reference.contact import pressing
 from hamel.verify.reference.exhaust import lost, time_derivative

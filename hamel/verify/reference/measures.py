@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from derive.model.named_frames import carrier
+from derive.model.mechanism.named_frames import carrier
 from derive.model.records import GROUND, Joint, Measure, Model
 from hamel.verify.reference.jets import Jet, direction, dot, point
 from hamel.verify.reference.layout import layout

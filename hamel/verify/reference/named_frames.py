@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from derive.model.named_frames import frame_named
+from derive.model.mechanism.named_frames import frame_named
 from derive.model.records import GROUND
 from hamel.verify.reference.outcome import Kinematics, Reference
 from hamel.verify.reference.states import STILL, State, placed

@@ -15,7 +15,7 @@ from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.formulations.requests import request_of, unknown_function
 from derive.model import load_text
-from derive.model.named_frames import TAKEN, readings
+from derive.model.mechanism.named_frames import TAKEN, readings
 from derive.states import system
 from derive.states.sampling import states
 from tests.scenes import derived

@@ -1,6 +1,7 @@
 """Accelerations in outputs: in closed form, along motions, and as the reference has them.
 
-Of derive.model: kinematics, motions.
+Of derive.model: kinematics.
+Of derive.model.motion: motions.
 Of derive.mechanics: measures, outputs, scene.
 Of derive.formulations: functions.
 Of derive.textbook: outputs.

@@ -1,7 +1,7 @@
 """Ropes, muscles, contacts, rolling on moving planes and reactions in loads: the same as by hand,
 and as the reference has them.
 
-Of derive.model: paths.
+Of derive.model.mechanism: paths.
 Of derive.model.loads: contact, tension.
 Of derive.mechanics: paths, surfaces.
 Of derive.mechanics.loads: contact, tension.

@@ -1,6 +1,6 @@
 """First-order states: rates of their own beside the motion, coupled both ways.
 
-Of derive.model: states.
+Of derive.model.motion: states.
 Of derive.mechanics: states.
 Of derive.textbook: states.
 Of hamel.verify.reference: stores.

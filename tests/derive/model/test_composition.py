@@ -1,7 +1,8 @@
 """Repetitions, submodels and models made in Python are written out before the model is read: the
 result equals what a longer file says, and what is wrong is told at its place.
 
-Of derive.model: builder, composition, expansion, files, renaming, repetition.
+Of derive.model: builder.
+Of derive.model.composing: composition, expansion, files, renaming, repetition.
 """
 
 import re

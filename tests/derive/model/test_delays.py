@@ -1,6 +1,6 @@
 """Inputs that arrive late: Padé's approximation as first-order states.
 
-Of derive.model: delays.
+Of derive.model.motion: delays.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from derive.diagnostics import ModelError
 from derive.formulations import equations
 from derive.formulations.evaluate import function_of
 from derive.model import load, load_text
-from derive.model.delays import coefficients
+from derive.model.motion.delays import coefficients
 from derive.states import system
 
 ARM = """

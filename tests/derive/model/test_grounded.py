@@ -1,7 +1,7 @@
 """A part on a body moves against that body as it moves on the ground alone: also where it says
 nothing of its ground.
 
-Of derive.model: grounded, renaming.
+Of derive.model.composing: grounded, renaming.
 """
 
 from pathlib import Path

@@ -1,7 +1,9 @@
 """What a model file means: the Model that comes out of it.
 
-Of derive.model: axes, bodies, build, definitions, events, frames, massless, mechanism, motions,
-placements, published, quaternions, scope, space, steady, structure, ties.
+Of derive.model.mechanism: axes, bodies, frames, massless, placements, space, ties, tree.
+Of derive.model: build, definitions, scope.
+Of derive.model.motion: events, motions, published, quaternions, steady.
+Of derive.model.language: structure.
 Of derive.model.kinematics: arguments, meanings, measures, products, rates, rewriting.
 """
 

@@ -4,7 +4,8 @@ meant.
 The mark « stands before the place that the message must point at; it is taken out before the text
 is read.
 
-Of derive.model: collisions, document, kinds, limits, reader, shape.
+Of derive.model: collisions, document, limits, reader.
+Of derive.model.language: kinds, shape.
 """
 
 import json

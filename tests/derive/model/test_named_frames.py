@@ -1,13 +1,13 @@
 """`frames:` and wrenches in model files: what is read, what is refused with which words.
 
-Of derive.model: named_frames. Of its loads: derive.model.loads.wrench, derive.mechanics.loads.wrench.
+Of derive.model.mechanism: named_frames. Of its loads: derive.model.loads.wrench, derive.mechanics.loads.wrench.
 """
 
 import pytest
 
 from derive.diagnostics import AssumptionError, ModelError
 from derive.model import load_text
-from derive.model.named_frames import FAMILIES, TAKEN, frame_named, frames_of, readings
+from derive.model.mechanism.named_frames import FAMILIES, TAKEN, frame_named, frames_of, readings
 from derive.robots.reading import load
 from tests.scenes import ROOT
 

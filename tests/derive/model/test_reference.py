@@ -1,7 +1,7 @@
 """The reference of the language says what the language does: the committed page is that of the
 classes, every key has an example that is a model, and its unit is the one that is demanded.
 
-Of derive.model: keys, place_entries, reference, study_entries.
+Of derive.model.language: keys, place_entries, reference, study_entries.
 """
 
 from collections.abc import Iterator
@@ -12,11 +12,13 @@ import pytest
 
 import hamel
 from derive.diagnostics import Diagnostic, ModelError
-from derive.model import load_text, placements, reference
+from derive.model import load_text
+from derive.model.composing.expansion import expanded
 from derive.model.document import Scalar, Source, parsed
-from derive.model.expansion import expanded
-from derive.model.keys import Entry
-from derive.model.structure import structured
+from derive.model.language import reference
+from derive.model.language.keys import Entry
+from derive.model.language.structure import structured
+from derive.model.mechanism import placements
 from tests.scenes import ROOT
 
 PAGE = ROOT / "docs" / "reference" / "language.md"

@@ -13,7 +13,7 @@ import hamel
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations import equations
 from derive.model.load_records import Armature
-from derive.model.named_frames import frames_of
+from derive.model.mechanism.named_frames import frames_of
 from derive.robots.reading import imported
 from derive.states import system
 

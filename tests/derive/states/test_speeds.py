@@ -1,7 +1,7 @@
 """Declared quasi-velocities are held and guessed by name where motions begin.
 
 Of derive.states: speeds.
-Of derive.model: initial, speeds.
+Of derive.model.motion: initial, speeds.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Stiff, extreme and singular cases: survived, or refused by name; never wrong.
 
 Of hamel.simulate.exact: series.
-Of derive.model: extremes.
+Of derive.model.motion: extremes.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""What a model file is composed of: repetitions, submodels, other files."""

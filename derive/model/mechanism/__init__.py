@@ -1,0 +1,1 @@
+"""The mechanism: bodies, frames, joints and paths, and where they sit."""

@@ -97,10 +97,12 @@ def landing(motion: Motion, step: Step, z: np.ndarray, error: float) -> Landing:
 def _came_beyond(
     motion: Motion, whole: Step, trial: Landing, values: tuple[Any, Any], search: Search
 ) -> None:
-    """A step that ended beyond the kink says better where it is."""
+    """A step that ended beyond the kink says better where it is; one that erred across it may have
+    ended anywhere, and halves the way at most."""
+    least = 0.0 if trial.error <= 1 else 0.5 * search.place
     along = _along(motion, trial.step, trial.z, trial.number - 1)
     search.beyond = float(trial.step.h / whole.h)
-    search.place = search.beyond * float(_root(along, 0.0, 1.0, *values, ROUGH))
+    search.place = max(least, search.beyond * float(_root(along, 0.0, 1.0, *values, ROUGH)))
     if not search.place > search.before:
         search.place = 0.5 * (search.before + search.beyond)
 
@@ -233,16 +235,19 @@ def _first(motion: Motion, step: Step, z: np.ndarray) -> tuple[float, int]:
 
 def _root(values: Values, a: Any, b: Any, ga: Any, gb: Any, most: int) -> Any:
     """About where the values are zero between a and b: false position with bisections, also where
-    one end is a root."""
+    one end is a root. The end that stays counts half, so that it does not stay for ever."""
+    side = 0
     for n in range(most):
         c = 0.5 * (a + b) if n % 3 == 2 else b - gb * (b - a) / (gb - ga)
         if not a < c < b:
             c = 0.5 * (a + b)
         g = values(c)
         if g * gb > 0:
-            b, gb = c, g
+            ga = 0.5 * ga if side > 0 else ga
+            b, gb, side = c, g, 1
         else:
-            a, ga = c, g
+            gb = 0.5 * gb if side < 0 else gb
+            a, ga, side = c, g, -1
         if b - a <= np.finfo(float).eps * abs(b):
             break
     return b

@@ -13,18 +13,18 @@ import casadi as ca
 from derive.mechanics.records import System
 from derive.model.kinks import are_constraints_in_pieces
 
+NEIGHBOURS = 4  # thresholds of a term that have functions of their own
 OF_ONE = frozenset({ca.OP_FABS, ca.OP_SIGN})
 OF_TWO = frozenset({ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE})
 
 
 def kinks(system: System) -> tuple[ca.SX, ...]:
     """Functions of t, q, v, u, p and z, each zero at one kink or jump of forces, of rates of states
-    or of prescribed motions. Of one term with several thresholds a single function: it changes its
-    sign at each of them. Of the time alone there are two, so that neighbours, which may be near
-    each other, do not hide one another within one step."""
+    or of prescribed motions. Of one term with several thresholds there are at most four, which
+    change their signs at every fourth of them: neighbours, which may be near each other, do not
+    hide one another within one step."""
     within = _Within()
-    others = within.any_of(ca.vertcat(system.q, system.v, system.z, system.u))
-    moving = others | within.any_of(system.t)
+    moving = within.any_of(ca.vertcat(system.q, system.v, system.z, system.u, system.t))
     thresholds: dict[int, tuple[ca.SX, set[float]]] = {}
     result: list[ca.SX] = []
     for value, other in _sides(_terms(system)):
@@ -36,8 +36,7 @@ def kinks(system: System) -> tuple[ca.SX, ...]:
             term, place = reduced
             thresholds.setdefault(term.element_hash(), (term, set()))[1].add(place)
     for term, places in thresholds.values():
-        ordered, timed = sorted(places), not others & within(term)
-        parts = [ordered[::2], ordered[1::2]] if timed else [ordered]
+        parts = (sorted(places)[first::NEIGHBOURS] for first in range(NEIGHBOURS))
         result += [_alternating(term, part) for part in parts if part]
     return tuple(_without_twins(result, within))
 

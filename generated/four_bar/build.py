@@ -85,6 +85,10 @@ class CompileError(Exception):
         self.said = said
 
 
+class NoTool(CompileError):
+    """What a target is compiled with is not there."""
+
+
 def find_compiler() -> list[str] | None:
     """The command of the first compiler found: $CC, cc, gcc, clang, then the ziglang package; None
     without one, or where $CC is no command."""
@@ -218,6 +222,8 @@ def packed(folder: pathlib.Path) -> list[str]:
     for script in (script for script in SCRIPTS if script in listed):
         try:
             texts += runpy.run_path(str(folder / script))["main"](folder)
+        except FileNotFoundError as error:
+            raise NoTool(str(error), "CC, which is for the module itself, is not asked") from error
         except RuntimeError as error:
             raise CompileError(f"{script}: {first_error(str(error))}", said=str(error)) from error
     return texts

@@ -11,6 +11,7 @@
 #if KINKS
 enum {
     FOURTHS = 4,
+    FINER = 16,    /* the same along a series, whose steps are long */
     ATTEMPTS = 20, /* steps to come near a kink */
     ROUGH = 8,     /* iterations of a root that the steps of the method improve on */
     FINE = 60      /* of one that is the result */
@@ -46,59 +47,84 @@ static double kink_at(Run *r, int k, double t, const double *y)
     return kinks_at(r, t, y, g) == OK ? g[k] : (double)NAN;
 }
 
-/* How a step from y to z goes: along its series where it has one, else by the cubic through both ends. */
-static void course(const Run *r, Dense *d, double t, double h, const double *y, const double *own, const double *z, const double *next)
+/* How a step from y to z goes: along its series where it has one, which is returned, else by the cubic through both ends. */
+static int course(const Run *r, Dense *d, double t, double h, const double *y, const double *own, const double *z, const double *next)
 {
 #if HIGHEST_ORDER
     if (starts_at(r->s, t, y)) {
         taylor_dense(d, r->s, h);
-        return;
+        return 1;
     }
 #endif
     (void)r, (void)t;
     cubic(d, h, y, own, z, next);
+    return 0;
 }
 
 /* Between the shares a and b of a step along its course `d`, where function k has values of two signs: about where it is zero. */
 static double root_along(Run *r, const Dense *d, int k, double t, double h, double a, double b, double ga, double gb)
 {
     double y[N], place = b;
-    int n;
-    for (n = 0; n < ROUGH; n++) {
+    int n, side = 0;
+    for (n = 0; n < ROUGH; n++) { /* the end that stays counts half, so that it does not stay for ever */
         double g;
         place = n % 3 == 2 ? 0.5 * (a + b) : b - gb * (b - a) / (gb - ga);
         dense_at(d, place, y);
         g = kink_at(r, k, t + place * h, y);
-        if (g * gb > 0.0)
-            b = place, gb = g;
-        else
-            a = place, ga = g;
+        if (g * gb > 0.0) {
+            ga *= side > 0 ? 0.5 : 1.0;
+            b = place, gb = g, side = 1;
+        } else {
+            gb *= side < 0 ? 0.5 : 1.0;
+            a = place, ga = g, side = -1;
+        }
     }
     return place;
 }
 
+/* Between values of one sign by `apart`, the least of them at the share `middle`: where the parabola through all three says that the sign
+   changes, and back again, the first of both places; NEVER where it does not. */
+static double there_and_back(Run *r, const Dense *d, int k, double t, double h, double middle, double apart, double g0, double g1, double g2)
+{
+    double y[N], bend = g0 - 2.0 * g1 + g2, place, g;
+    if (!(g0 * g1 > 0.0 && g1 * g2 > 0.0 && fabs(g1) <= fabs(g0) && fabs(g1) <= fabs(g2)) || bend == 0.0)
+        return NEVER;
+    place = middle + 0.5 * apart * (g0 - g2) / bend;
+    dense_at(d, place, y);
+    g = kink_at(r, k, t + place * h, y);
+    return g * g0 < 0.0 ? root_along(r, d, k, t, h, middle - apart, place, g0, g) : NEVER;
+}
+
 /* The share of a step from y to z at which one of the functions, `which`, changes its sign first, or by rounding behind it; NEVER where none
-   does. Number `but`, from 1 on, is not asked: the step begins on it. */
+   does. Number `but`, from 1 on, is not asked: the step begins on it; along a series it is behind its first look. */
 static double first_kink(Run *r, int but, double t, double h, const double *y, const double *own, const double *z, const double *next, int *which)
 {
     const double rounding = 4.0 * DBL_EPSILON * fmax(fabs(t + h), h);
-    double before[KINKS], after[KINKS], at[N], first = NEVER;
+    double earlier[KINKS], before[KINKS], after[KINKS], at[N], first = NEVER;
     Dense d;
-    int j, k;
+    int j, k, series, looks;
     if (kinks_at(r, t, y, before) != OK)
         return NEVER;
-    course(r, &d, t, h, y, own, z, next);
-    for (j = 1; j <= FOURTHS && first == NEVER; j++) {
-        const double a = (double)(j - 1) / FOURTHS, b = (double)j / FOURTHS;
+    memcpy(earlier, before, sizeof earlier);
+    series = course(r, &d, t, h, y, own, z, next);
+    looks = series ? FINER : FOURTHS;
+    for (j = 1; j <= looks && first == NEVER; j++) {
+        const double a = (double)(j - 1) / looks, b = (double)j / looks;
         dense_at(&d, b, at);
-        if (kinks_at(r, t + b * h + (j < FOURTHS ? 0.0 : rounding), j < FOURTHS ? at : z, after) != OK)
+        if (kinks_at(r, t + b * h + (j < looks ? 0.0 : rounding), j < looks ? at : z, after) != OK)
             return NEVER;
-        for (k = 0; k < KINKS; k++)
-            if (k + 1 != but && before[k] * after[k] < 0.0) {
-                const double place = root_along(r, &d, k, t, h, a, b, before[k], after[k]);
-                if (place < first)
-                    first = place, *which = k;
-            }
+        for (k = 0; k < KINKS; k++) {
+            double place = NEVER;
+            if (k + 1 == but && (!series || j == 1))
+                continue;
+            if (before[k] * after[k] < 0.0)
+                place = root_along(r, &d, k, t, h, a, b, before[k], after[k]);
+            else if (series && j > 1 + (k + 1 == but))
+                place = there_and_back(r, &d, k, t, h, a, b - a, earlier[k], before[k], after[k]);
+            if (place < first)
+                first = place, *which = k;
+        }
+        memcpy(earlier, before, sizeof earlier);
         memcpy(before, after, sizeof before);
     }
     return first;
@@ -124,7 +150,7 @@ static double behind(Run *r, const Trial *to, double h, double *z)
 static double carried_root(Run *r, const Trial *to, double g, double most)
 {
     double z[N], a = 0.0, b = fmin(most, to->h), ga = g, gb = behind(r, to, b, z);
-    int n;
+    int n, side = 0;
     if (!(ga * gb < 0.0) && b < most)
         gb = behind(r, to, b = most, z);
     if (!(ga * gb < 0.0))
@@ -134,10 +160,13 @@ static double carried_root(Run *r, const Trial *to, double g, double most)
         if (!(c > a && c < b))
             c = 0.5 * (a + b);
         gc = behind(r, to, c, z);
-        if (gc * gb > 0.0)
-            b = c, gb = gc;
-        else
-            a = c, ga = gc;
+        if (gc * gb > 0.0) {
+            ga *= side > 0 ? 0.5 : 1.0;
+            b = c, gb = gc, side = 1;
+        } else {
+            gb *= side < 0 ? 0.5 : 1.0;
+            a = c, ga = gc, side = -1;
+        }
     }
     return b;
 }
@@ -183,14 +212,16 @@ static int is_near(Run *r, const Trial *whole, double g, Trial *to, Search *sear
     return 0;
 }
 
-/* A step that ended beyond the kink says better where it is. */
+/* A step that ended beyond the kink says better where it is; one that erred across it may have ended anywhere, and halves the way at most. */
 static void came_beyond(Run *r, const Trial *whole, double start, double g, const Trial *to, Search *search)
 {
     Simulation *const s = r->s;
+    const double least = to->error <= 1.0 ? 0.0 : 0.5 * search->place;
     Dense d;
     course(r, &d, s->t, to->h, s->x, s->slope, to->z, to->next);
     search->beyond = to->h / whole->h;
     search->place = search->beyond * root_along(r, &d, to->kink - 1, s->t, to->h, 0.0, 1.0, start, g);
+    search->place = fmax(search->place, least);
     if (!(search->place > search->before))
         search->place = 0.5 * (search->before + search->beyond);
 }

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -188,30 +189,29 @@ def of(force: str, more: str = "") -> System:
         ("(1 N)*abs(x/b) + (2 N)*sign(x/b)", 1),
         ("(1 N/m)*(ramp(x - b) - ramp(-x - b))", 2),
         ("(1 N/m)*ramp(x) - (1 N/m)*ramp(-x)", 1),
-        ("clip(F, -1 N, 1 N)", 1),
+        ("clip(F, -1 N, 1 N)", 2),
         ("(1 N/m)*clip(x, -b, b)", 2),
         ("piecewise(t, 0 N, 1 s, 1 N, 2 s, 0 N)", 2),  # which may be near each other
         ("(1 N)*step(x, b)", 0),  # smooth
-        ("(1 N)*f(x)", 1),
+        ("(1 N)*f(x)", 3),
     ],
 )
 def test_kinks_of_forces(force: str, count: int) -> None:
-    """One function for each term, wherever it comes from; none of what cannot change."""
+    """One function for each place of a term, wherever it comes from; none of what cannot change."""
     tables = "tables: {f: {points: [[0, 1], [1, 2], [3, 1]], units: [m, '']}}\n"
     assert len(kinks(of(force, tables if "f(x)" in force else ""))) == count
 
 
-def test_one_function_changes_its_sign_at_every_threshold() -> None:
-    import casadi as ca
-
-    found = of("(1 N)*piecewise(x, 0, 1 m, 1, 2 m, 0, 4 m, 1)")
-    (alone,) = kinks(found)
-    g = ca.Function("g", [found.q], [alone])
-    signs = [
-        float(np.sign(float(g(x)))) for x in (0.0, 0.999, 1.001, 1.999, 2.001, 3.999, 4.001, 9)
-    ]
-    assert signs in ([-1, -1, 1, 1, -1, -1, 1, 1], [1, 1, -1, -1, 1, 1, -1, -1])
-    assert float(g(1.0)) == float(g(2.0)) == float(g(4.0)) == 0.0
+def test_a_function_changes_its_sign_at_every_fourth_threshold() -> None:
+    steps = ", ".join(f"{k % 2}, {k} m" for k in range(1, 10))
+    found = of(f"(1 N)*piecewise(x, {steps}, 1)")
+    functions = kinks(found)
+    assert len(functions) == 4
+    g = ca.Function("g", [found.q], [ca.vertcat(*functions)])
+    for place in range(1, 10):
+        before, at, after = (g(place + d).full()[:, 0] for d in (-1e-3, 0.0, 1e-3))
+        changed = before * after < 0
+        assert changed.sum() == 1 and at[changed] == 0.0
 
 
 def test_contact_and_potentials_have_kinks() -> None:
@@ -362,3 +362,57 @@ def test_a_motion_that_begins_at_a_jump_has_what_is_behind_it(start: float, tmp_
             assert error < 1e-10 and result.landings == 0
         many = module.simulate(times, np.zeros((9, 2)), **how)
         assert np.abs(many.x[:, -1] - [5.0, 10.0]).max() < 1e-10
+
+
+# A pulse of 10 ms between three ramps, met by steps of some tenths of a second.
+PULSE = """model: pulse
+coordinates: {x: m}
+kinetic: 1 kg*der(x)^2/2
+forces: {x: "(500 N/s)*(ramp(t - 2 s) - 2*ramp(t - 2.01 s) + ramp(t - 2.02 s))"}
+"""
+# Two feet of a box, which touch and leave within a short time.
+BOX = """model: box
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies: {box: {mass: 2 kg, inertia: 0.1}}
+joints: {J: {type: planar, parent: ground, child: box, coordinates: [x, y, th]}}
+loads:
+  left: {type: contact, body: box, at: [-0.3, -0.1], plane: {normal: y}, stiffness: 1e6 N/m, damping: 0.5 s/m}
+  right: {type: contact, body: box, at: [0.3, -0.1], plane: {normal: y}, stiffness: 1e6 N/m, damping: 0.5 s/m}
+"""
+EACH = ("taylor", "dop853", "verner9")
+
+
+@WITH_COMPILER
+def test_neighbours_do_not_hide_one_another(tmp_path: Path) -> None:
+    """Two changes of one sign within a quarter of a step were none: half of the pulse was lost."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        made = program(equations_of_text(PULSE), ("dynamics",), EACH)
+        pulse = loader.load(published(made, tmp_path / "pulse").folder)
+    for name in EACH:
+        result, error = motion(
+            pulse, ([], [0.0, 1.0], 5.0, [5.1495, 1.05]), integrator=name, rtol=1e-9
+        )
+        assert result.landings == 3 and error < 1e-8
+
+
+@WITH_COMPILER
+def test_feet_touch_and_leave_whatever_the_method(tmp_path: Path) -> None:
+    """A series went past a foot that touches and leaves in one of its steps, and a trial step that
+    ended anywhere at all said where the kink was: steps became too small in free flight."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        made = program(equations_of_text(BOX), ("dynamics",), EACH)
+        box = loader.load(published(made, tmp_path / "box").folder)
+    rng = np.random.default_rng(3)
+    x = np.zeros((300, 6))
+    x[:, 1], x[:, 2] = rng.uniform(0.15, 0.55, 300), rng.uniform(-0.3, 0.3, 300)
+    x[0, 1:3] = 0.2792728226401851, 0.06824976587745213
+    exact = box.simulate((0.0, 0.45), x, integrator="verner9", rtol=1e-13, atol=1e-15)
+    for name in EACH:
+        for rtol in (1e-6, 1e-10):
+            many = box.simulate((0.0, 0.45), x, integrator=name, rtol=rtol, atol=rtol / 100)
+            assert not many.status.any()
+            off = np.abs(many.x[:, -1] - exact.x[:, -1]).max(axis=1)
+            assert np.median(off) < 10 * rtol and np.quantile(off, 0.97) < 1e3 * rtol

@@ -247,9 +247,8 @@ class _Rows:
         self.spoken: Counter[int] = Counter()  # velocities, by rows that are not ready
         carrier = {j: i for i, link in enumerate(walk.system.links) for j in link.columns}
         unknowns = unknowns_of(walk.system, [walk.rows[i] for i in waiting])
-        self.own = _diagonal_blocks(
-            {i: own - walk.known.keys() for i, own in zip(waiting, unknowns)}
-        )
+        self.unknowns = {i: own - walk.known.keys() for i, own in zip(waiting, unknowns)}
+        self.own = _diagonal_blocks(self.unknowns)
         for i in waiting:
             row = walk.rows[i]
             links = (
@@ -266,8 +265,11 @@ class _Rows:
             self._put(i)
 
     def _within(self, i: int) -> set[int]:
-        """The velocities that a row can be solved for."""
-        return self.own.get(i) or speaks_of(self.walk.system, self.walk.rows[i])
+        """The velocities that a row can be solved for as it is written; what is solved for before
+        brings in more of its block."""
+        if i in self.own:
+            return self.unknowns[i] & self.own[i]
+        return speaks_of(self.walk.system, self.walk.rows[i])
 
     def _put(self, i: int) -> None:
         entries, numbers = self.coefficients_at.row(i, self.walk.current(i))
@@ -338,7 +340,7 @@ def _diagonal_blocks(speaks: Mapping[int, set[int]]) -> dict[int, set[int]]:
     for k in range(count):
         own = {columns[b] for b in column_order[column_first[k] : column_first[k + 1]]}
         for a in row_order[row_first[k] : row_first[k + 1]]:
-            result[rows[a]] = own & speaks[rows[a]]
+            result[rows[a]] = own
     return result
 
 

@@ -101,7 +101,11 @@ def test_no_file_has_a_warning(folder: Path, compiler: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("flags", ["-O2", "-O2 -g -fsanitize=address,undefined"])
+@pytest.mark.parametrize(
+    "flags",
+    ["-O2", "-O2 -g -fno-var-tracking-assignments -fsanitize=address,undefined"],
+    ids=["fast", "checked"],  # long functions have more variables than a debugger is told of
+)
 def test_gcc_notes_nothing_while_it_makes_code(folder: Path, flags: str) -> None:
     """What it says of calls with vectors comes late, and as a note that is no error."""
     if not shutil.which("gcc"):

@@ -349,6 +349,7 @@ class Linearized:
     stable: tuple[
         tuple[float, float], ...
     ]  # intervals of the swept name without an unstable eigenvalue
+    breaks: tuple[int, ...]  # rows on another branch of steady motions than the row before
     seconds: Mapping[str, float]
     step: float | None  # s; δx(t + step) = Φ δx + Γ δu where it is given
     Phi: Sequence[Sequence[float]] | None

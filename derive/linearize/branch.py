@@ -1,175 +1,196 @@
-"""A steady motion from any start, and the branch of them as values change."""
+"""The branch of steady motions through one of them, as values change."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
 import numpy as np
 
-from derive.diagnostics import AssumptionError, listed
-from derive.linearize.limits import CREEPS, FAR, STRAIGHT
+from derive.diagnostics import AssumptionError, Diagnostic
+from derive.linearize.limits import (
+    HALVED,
+    LEAP,
+    LEAPS,
+    LITTLE,
+    ROUNDED_AWAY,
+    SMOOTH,
+    STEPS,
+    STRAIGHT,
+)
+from derive.linearize.nearest import settled
 from derive.linearize.records import Steady
-from derive.linearize.search import solved
-from derive.linearize.starts import check_attitude, starts
-from derive.linearize.steady import GUESS, Problem, residuals_of
-from derive.linearize.turned import turned
-
-NEARER = 5  # times that the way from one steady motion to the next is halved
-TOLD = 3  # changes from the guess that are told at most
+from derive.linearize.search import foreseen, solved
+from derive.linearize.steady import Problem, residuals_of
 
 
-def settled(found: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """(x, u) of the steady motion for one set of values: the first that is found near the first
-    start, or else the nearest to it that any start leads to.
+@dataclass(frozen=True)
+class Place:
+    """One motion y = (x, u), and the values of parameters and free names that it belongs to."""
 
-    Motions that creep are tried at rest: where velocities enter squared, Newton's method comes to
-    rest slowly. Raises AssumptionError.
+    p: np.ndarray
+    s: np.ndarray
+    y: np.ndarray
+
+    def at(self, p: np.ndarray, s: np.ndarray) -> bool:
+        """Whether it belongs to these values."""
+        return np.array_equal(self.p, p) and np.array_equal(self.s, s)
+
+
+def family(found: Problem, origin: Place, p: np.ndarray, s: np.ndarray) -> Steady:
+    """The steady motions for rows of p (N × np) and s (N × ns), on the branch through `origin`.
+
+    It is continued to the row nearest to the origin, and from there to both ends, row by row, with
+    straight lines where those will do. Where the branch ends, another one is followed, and `breaks`
+    says so. Raises AssumptionError where a row has no steady motion.
     """
-    problem: AssumptionError | None = None
-    motions: list[tuple[float, np.ndarray]] = []
-    guess = None
-    for start in starts(found, p, s):
-        guess = start if guess is None else guess
-        try:
-            y = _at_rest(found, solved(found, p, s, start), p, s)
-            check_attitude(found, y[: found.equations.system.q.numel()], p)
-        except AssumptionError as error:
-            problem = problem or error
-            continue
-        motions.append((float(np.max(_strayed(found, guess, y), initial=0.0)), y))
-        if motions[-1][0] <= FAR:
-            break
-    if motions:
-        return min(motions, key=lambda motion: motion[0])[1]
-    raise _turned(found, p, s) or problem or AssertionError
-
-
-def _turned(found: Problem, p: np.ndarray, s: np.ndarray) -> AssumptionError | None:
-    """Why no motion is steady in these quasi-velocities, where the motion that is asked for turns
-    their axes."""
-    equations, motion = found.equations, found.motion
-    if motion.name == GUESS and not motion.values:  # it may be asked for at rest
-        return None
-    cyclic = {*range(equations.system.q.numel())} - {*found.still}
-    why = turned(equations, cyclic, np.concatenate([next(starts(found, p, s)), p]))
-    if why is None:
-        return None
-    are = "is along an axis" if len(why.speeds) == 1 else "are along axes"
-    message = (
-        f"'{motion.name}' is no steady motion in the quasi-velocities of '{equations.choice}': "
-        f"{listed(why.speeds)} {are} that turn with {why.coordinate}, and cannot be constant"
-    )
-    advice = f"others, such as quasi_velocities: {{rates: [{', '.join(why.instead)}]}}"
-    return AssumptionError(equations.system.model.diagnostic(motion.span, message, advice))
-
-
-def _strayed(found: Problem, guess: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """By what each coordinate that the motion keeps differs, in the model's own units."""
-    kept = list(found.still)
-    return np.abs(y - guess)[kept] / found.scale[kept]
-
-
-def moves(
-    found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray
-) -> tuple[tuple[str, float, float], ...]:
-    """Coordinates with their values at the guess and at the motion y = (x, u), the largest changes
-    first, where the motion is far from the guess; else none."""
-    guess = next(starts(found, p, s))
-    by = _strayed(found, guess, y)
-    largest = np.max(by, initial=0.0)
-    if largest <= FAR:
-        return ()
-    order = sorted(range(len(by)), key=lambda k: -by[k])[:TOLD]
-    names = found.equations.arguments[1].labels
-    places = [found.still[k] for k in order if by[k] > largest / 10]
-    return tuple((names[i], float(guess[i]), float(y[i])) for i in places)
-
-
-def _at_rest(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """The same motion at rest, where y creeps and rest near it is steady, too; else y."""
-    w = found.equations.speeds
-    if not 0 < np.max(np.abs(y[w]), initial=0.0) < CREEPS:
-        return y
-    still = y.copy()
-    still[w] = 0.0
-    try:
-        still = solved(found, p, s, still)
-    except AssumptionError:
-        return y
-    return still if np.max(np.abs(still - y), initial=0.0) < np.sqrt(CREEPS) else y
-
-
-def family(found: Problem, p: np.ndarray, s: np.ndarray) -> Steady:
-    """The steady motions for rows of p (N × np) and s (N × ns): continued from row to row, with
-    straight lines between where those will do. Continuation stays on one branch where several
-    exist. Raises AssumptionError where a row has no steady motion."""
-    many, nx = len(p), found.equations.arguments[1].symbols.numel()
-    y = np.zeros((many, nx + found.equations.system.u.numel()))
-    y[0] = settled(found, p[0], s[0])
-    _between(found, p, s, y, 0, many - 1, y[0])
+    rows, nx = np.hstack([p, s]), found.equations.arguments[1].symbols.numel()
+    y = np.zeros((len(p), len(origin.y)))
+    nearest = _nearest(rows, np.concatenate([origin.p, origin.s]))
+    y[nearest] = _reached(found, origin, p[nearest], s[nearest])
+    down = range(nearest, -1, -1)
+    up = range(nearest, len(p))
+    broken = {k + 1 for k in _followed(found, p, s, y, down)}
+    broken |= {*_followed(found, p, s, y, up)}
     R = residuals_of(found, y, p, s)
-    return Steady(y[:, :nx], y[:, nx:], p, np.max(np.abs(R), axis=1, initial=0.0))
+    worst = np.max(np.abs(R), axis=1, initial=0.0)
+    return Steady(y[:, :nx], y[:, nx:], p, worst, tuple(sorted(broken)))
 
 
-def _between(
-    found: Problem,
-    p: np.ndarray,
-    s: np.ndarray,
-    y: np.ndarray,
-    first: int,
-    last: int,
-    guess: np.ndarray,
-) -> None:
-    """Fill the rows after `first`: by the chord to `last` where every motion on it is steady, else
-    row by row."""
-    if last <= first:
-        return
+def is_near(found: Problem, y: np.ndarray, ahead: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Whether y is near where it was foreseen when the branch goes on from `before`: then it is on
+    it. One motion, or rows of them."""
+    change, off = moved(found, before, y), moved(found, ahead, y)
+    nq = found.equations.system.q.numel()
+    size = np.max(np.abs(before / found.scale)[..., :nq], axis=-1, keepdims=True, initial=0.0)
+    leaps = np.any(change[..., :nq] > LEAP * (1.0 + size), axis=-1)
+    return np.all(off <= SMOOTH * roomy(change), axis=-1) & ~leaps
+
+
+def bends(found: Problem, y: np.ndarray, before: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Whether the shortest step came no further than round a bend, as into a fork: it changes
+    little against the way from the first motion. One that changes as much is on another branch."""
+    way = np.maximum(moved(found, before, first), moved(found, y, first))
+    return np.all(moved(found, before, y) <= LEAPS * roomy(way), axis=-1)
+
+
+def _nearest(rows: np.ndarray, origin: np.ndarray) -> int:
+    """The row nearest to the origin, each value against the span of its column."""
+    span = np.ptp(rows, axis=0)
+    away = np.abs(rows - origin) / np.where(span > 0, span, 1.0)
+    return int(np.argmin(np.max(away, axis=1, initial=0.0)))
+
+
+def moved(found: Problem, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """By how much each unknown differs, in the model's own units; of a motion, or of rows."""
+    return np.abs(one - other) / found.scale
+
+
+def roomy(change: np.ndarray) -> np.ndarray:
+    """Each change, and a little of the largest for those that happen to be none; more than what
+    rounding makes."""
+    return change + LITTLE * np.max(change, axis=-1, keepdims=True, initial=ROUNDED_AWAY)
+
+
+def _reached(found: Problem, origin: Place, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """The motion on the branch of the origin; where that ends before, the one near the guess."""
+    if origin.at(p, s):
+        return origin.y
     try:
-        y[last] = solved(found, p[last], s[last], guess)
-        if last == first + 1:
-            return
-        inner = slice(first + 1, last)
-        parts = _parts(np.hstack([p, s]), first, last)[:, np.newaxis]
-        chord = y[first] + parts * (y[last] - y[first])
-        off = np.max(np.abs(residuals_of(found, chord, p[inner], s[inner])), initial=0.0)
-        if off <= STRAIGHT * (1 + np.max(np.abs(chord))):
-            y[inner] = chord
-            return
+        y, leapt = _way(found, origin, (p, s))
+    except AssumptionError:
+        return _anew(found, p, s, origin)
+    return _anew(found, p, s, origin) if leapt else y
+
+
+def _anew(found: Problem, p: np.ndarray, s: np.ndarray, before: Place) -> np.ndarray:
+    """A motion on any branch. Raises AssumptionError, with the values that differ from those
+    before."""
+    try:
+        return settled(found, p, s)
+    except AssumptionError as error:
+        names = (*found.equations.arguments[3].labels, *found.motion.sweepable)
+        values = zip(names, np.append(p, s), np.append(before.p, before.s))
+        where = {name: f"{name} = {x:.6g}" for name, x, known in values if x != known}
+        raise AssumptionError([_placed(d, where) for d in error.diagnostics]) from error
+
+
+def _placed(problem: Diagnostic, where: Mapping[str, str]) -> Diagnostic:
+    """The problem with the values that it has not said."""
+    left = [text for name, text in where.items() if f" {name} = " not in problem.message]
+    return replace(problem, message=f"at {', '.join(left)}: {problem.message}") if left else problem
+
+
+def _followed(
+    found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, rows: Sequence[int]
+) -> list[int]:
+    """Fill the rows after the first of `rows`; those that are on another branch than the one
+    before them."""
+    if len(rows) < 2 or _straight(found, p, s, y, rows):
+        return []
+    broken: list[int] = []
+    for before, k in pairwise(rows):
+        place = Place(p[before], s[before], y[before])
+        try:
+            y[k], leapt = _way(found, place, (p[k], s[k]))
+        except AssumptionError:
+            y[k], leapt = _anew(found, p[k], s[k], place), True
+        broken += [k] if leapt else []
+    return broken
+
+
+def _straight(
+    found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, rows: Sequence[int]
+) -> bool:
+    """Fill the rows by the chord to the last of them, where every motion on it is steady."""
+    first, last, inner = rows[0], rows[-1], list(rows[1:-1])
+    try:
+        y[last] = solved(found, p[last], s[last], y[first])
     except AssumptionError:  # too far at once
-        pass
-    for k in range(first + 1, last + 1):
-        ahead = y[k - 1] if k < first + 2 else 2 * y[k - 1] - y[k - 2]
-        y[k] = _stepped(found, p, s, y, k, ahead)
+        return False
+    parts = _parts(np.hstack([p, s]), first, last, inner)
+    y[inner] = y[first] + parts[:, np.newaxis] * (y[last] - y[first])
+    looked_at = [(x[first] + x[last]) / 2 for x in (y, p, s)]
+    chord = [np.vstack([x[inner], middle]) for x, middle in zip((y, p, s), looked_at)]
+    off = np.max(np.abs(residuals_of(found, *chord)))
+    return bool(off <= STRAIGHT * (1 + np.max(np.abs(chord[0]))))
 
 
-def _stepped(
-    found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, k: int, ahead: np.ndarray
-) -> np.ndarray:
-    """From the extrapolated guess, or else from the last motion, by motions between."""
-    try:
-        return solved(found, p[k], s[k], ahead)
-    except AssumptionError:
-        return _by_halves(found, p[k - 1 : k + 1], s[k - 1 : k + 1], y[k - 1], NEARER)
+def _way(
+    found: Problem, place: Place, to: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, bool]:
+    """The motion at other values, and whether the branch ended before. A step is half as long
+    where Newton's method comes to another place than foreseen; the shortest go round bends.
+    Raises AssumptionError where there is no motion."""
+    here, at, step, leapt = place, 0.0, 1.0, False
+    for _ in range(STEPS):
+        part = min(at + step, 1.0)
+        p, s = place.p + part * (to[0] - place.p), place.s + part * (to[1] - place.s)
+        shortest = step <= 0.5**HALVED
+        try:
+            y = solved(found, p, s, here.y)
+            ahead = foreseen(found, (here.p, here.s, here.y), p, s)
+            goes_on = bool(is_near(found, y, ahead, here.y))
+        except AssumptionError:
+            if shortest:
+                raise
+            step /= 2
+            continue
+        if not (goes_on or shortest):
+            step /= 2
+            continue
+        leapt |= not (goes_on or bool(bends(found, y, here.y, place.y)))
+        here, at, step = Place(p, s, y), part, 2 * step
+        if at == 1.0:
+            return y, leapt
+    return solved(found, *to, here.y), True
 
 
-def _by_halves(
-    found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, depth: int
-) -> np.ndarray:
-    """From the motion y of the first row of values to that of the second: by one in the middle
-    where that is too far at once, `depth` times over."""
-    try:
-        return solved(found, p[1], s[1], y)
-    except AssumptionError:
-        if not depth:
-            raise
-    middle_p, middle_s = p.mean(axis=0), s.mean(axis=0)
-    middle = _by_halves(found, np.array([p[0], middle_p]), np.array([s[0], middle_s]), y, depth - 1)
-    return _by_halves(
-        found, np.array([middle_p, p[1]]), np.array([middle_s, s[1]]), middle, depth - 1
-    )
-
-
-def _parts(values: np.ndarray, first: int, last: int) -> np.ndarray:
+def _parts(values: np.ndarray, first: int, last: int, inner: Sequence[int]) -> np.ndarray:
     """How far each row between is on the way from the first to the last."""
     way = values[last] - values[first]
     length = float(way @ way)
-    inner = values[first + 1 : last] - values[first]
-    return inner @ way / length if length > 0 else np.zeros(last - first - 1)
+    if not length > 0:
+        return np.zeros(len(inner))
+    return (values[inner] - values[first]) @ way / length

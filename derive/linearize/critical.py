@@ -9,7 +9,7 @@ each λ is only good to √ε there).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from derive.linearize.limits import CRITICAL_NEAR, CRITICAL_STEPS, DEPTH, REAL
 from derive.linearize.spectrum import eigenvalues, signature
 
-Spectra = Callable[[np.ndarray], np.ndarray]  # values → matrices N × k × k
+Matrix = Callable[[float], np.ndarray]  # value → k × k
 
 
 @dataclass(frozen=True)
@@ -31,20 +31,22 @@ class Critical:
 
 
 def critical_values(
-    matrices: Spectra, values: np.ndarray, found: np.ndarray
+    matrix: Matrix, values: np.ndarray, found: np.ndarray, breaks: Sequence[int]
 ) -> tuple[Critical, ...]:
-    """All changes between neighbouring `values`, whose eigenvalues are the rows of `found`.
+    """All changes between neighbouring `values`, whose eigenvalues are the rows of `found`; none
+    where `breaks` says that a row is of another branch than the one before.
 
     An interval whose ends differ in kind is halved until one change is left in it, then the change
     is located as a root to the last digits. Two changes that cancel between neighbouring values are
     not seen: that is a matter of how finely is swept.
     """
     kinds = [signature(row) for row in found]
-    changes = [k for k in range(len(values) - 1) if kinds[k] != kinds[k + 1]]
+    pairs = [k for k in range(len(values) - 1) if k + 1 not in breaks]
+    changes = [k for k in pairs if kinds[k] != kinds[k + 1]]
     return tuple(
         c
         for k in changes
-        for c in _between(matrices, values[k], values[k + 1], kinds[k], kinds[k + 1], 0)
+        for c in _between(matrix, values[k], values[k + 1], kinds[k], kinds[k + 1], 0)
     )
 
 
@@ -52,7 +54,7 @@ Signature = tuple[int, int, int]
 
 
 def _between(
-    matrices: Spectra, a: float, b: float, at_a: Signature, at_b: Signature, depth: int
+    matrix: Matrix, a: float, b: float, at_a: Signature, at_b: Signature, depth: int
 ) -> Iterator[Critical]:
     """Halves the interval until one change of kind is left in it, or too little of it is."""
     if at_a == at_b:
@@ -60,12 +62,12 @@ def _between(
     kind = _kind(at_a, at_b)
     if (kind and depth >= CRITICAL_NEAR) or depth >= DEPTH:
         if kind:
-            yield _located(matrices, kind, a, b)
+            yield _located(matrix, kind, a, b)
         return
     middle = (a + b) / 2
-    here = signature(eigenvalues(matrices(np.array([middle])))[0])
-    yield from _between(matrices, a, middle, at_a, here, depth + 1)
-    yield from _between(matrices, middle, b, here, at_b, depth + 1)
+    here = signature(eigenvalues(matrix(middle)[np.newaxis])[0])
+    yield from _between(matrix, a, middle, at_a, here, depth + 1)
+    yield from _between(matrix, middle, b, here, at_b, depth + 1)
 
 
 def _kind(a: Signature, b: Signature) -> str:
@@ -78,18 +80,18 @@ def _kind(a: Signature, b: Signature) -> str:
     return "hopf" if real == 0 and grown == 0 and abs(turned) == 2 else ""
 
 
-def _located(matrices: Spectra, kind: str, a: float, b: float) -> Critical:
+def _located(matrix: Matrix, kind: str, a: float, b: float) -> Critical:
     def measure(value: float) -> float:
         """The measure of this kind of critical value at one value of the parameter: its sign
         changes where the value is critical."""
-        return MEASURES[kind](matrices(np.array([value]))[0])
+        return MEASURES[kind](matrix(value))
 
-    if kind == "hopf" and _pairs_meet(*matrices(np.array([a, b]))):
-        value = root(lambda x: _gap_above(matrices(np.array([x]))[0]), a, b)
-        (values,) = _spectra(matrices(np.array([value]))[0])
+    if kind == "hopf" and _pairs_meet(matrix(a), matrix(b)):
+        value = root(lambda x: _gap_above(matrix(x)), a, b)
+        (values,) = _spectra(matrix(value))
         return Critical(kind, value, complex(np.mean(_nearest_above(values))))
     value = root(measure, a, b)
-    return Critical(kind, value, _changing(kind, eigenvalues(matrices(np.array([value])))[0]))
+    return Critical(kind, value, _changing(kind, eigenvalues(matrix(value)[np.newaxis])[0]))
 
 
 def _pairs_meet(one: np.ndarray, other: np.ndarray) -> bool:

@@ -48,6 +48,14 @@ NULL = 1e-11  # relative singular value that counts as zero at motions chosen at
 # counts as marginal
 REAL = 1e-9
 
+# branch
+SMOOTH = 0.5  # of the way: how far from the foreseen place the next motion of a branch may be
+HALVED = 20  # times that the way to the next motion is halved, at most
+STEPS = 400  # of this way, at most
+LEAPS = 0.1  # of the way: a change that is left after these is no bend, and the branch has ended
+LITTLE = 0.02  # of the largest change: what an unknown may do that does not change
+ROUNDED_AWAY = 1e-5  # in the model's own units: a largest change below this is taken for so much
+
 # steady
 STANDS = 1e-15  # a step of the iteration below this, relative to 1 + |y|, is its last
 STRAIGHT = 1e-13  # residual, against 1 + |y|, up to which a course is a straight line
@@ -60,6 +68,7 @@ LEAP = 0.7  # rad or own length, against 1 + |q|: the largest step of a coordina
 FAR = 1.0  # rad or own length: a motion beyond is looked for nearer to the guess, and told
 CREEPS = 1e-5  # a largest speed below this is tried at rest
 FLAT = 1e-3  # the least slope that a row's residual is measured by
+ROUNDING = 2e-4  # of slopes, against KEPT: a thousand roundings of the unknowns
 
 # study
 SPREADS = (

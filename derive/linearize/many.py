@@ -1,7 +1,8 @@
 """Steady motions at many places that need not follow each other: all by Newton at once.
 
 They start from one motion that is known, moved along straight lines for each value that differs;
-many courses are straight, and then that is all.
+many courses are straight, and then that is all. Those that bend are followed step by step, so that
+none leaves the branch of that motion for another.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError
 from derive.expressions.columns import columns_of
-from derive.linearize.limits import KEPT, RANK, STRAIGHT
+from derive.linearize.branch import bends, is_near
+from derive.linearize.limits import HALVED, KEPT, RANK, STEPS, STRAIGHT
 from derive.linearize.records import Steady
 from derive.linearize.search import row_sizes, solved, with_inputs
 from derive.linearize.steady import Problem
@@ -25,7 +27,8 @@ def steady_motions(study: Study, values: Columns) -> tuple[Steady, np.ndarray]:
     use.
 
     From the study's own motion y₀: y = y₀ + Σ ∂y/∂v_j (v_j − v_j₀), then Newton where that is not
-    steady yet. What comes of a row does not depend on the other rows.
+    steady yet; step by step where this leads elsewhere, and to none where the branch ends on
+    the way. What comes of a row does not depend on the other rows.
     """
     problem = study.problem
     p, s = study.values(values)
@@ -40,9 +43,55 @@ def steady_motions(study: Study, values: Columns) -> tuple[Steady, np.ndarray]:
     if len(rest):
         rows = row_sizes(problem, _evaluated(problem, y0[None], own_p, own_s)[1][0])
         for part in np.array_split(rest, -(-len(rest) // AT_ONCE)):
-            y[part], good[part] = _newton(study, y[part], p[part], s[part], rows)
+            line = y[part]
+            y[part], good[part] = _newton(study, line, p[part], s[part], rows)
+            elsewhere = part[~(good[part] & is_near(problem, y[part], line, y0))]
+            to = (p[elsewhere], s[elsewhere])
+            y[elsewhere], good[elsewhere] = _followed(study, y0, (own_p, own_s), to, rows)
     nx = first.x.shape[1]
     return Steady(y[:, :nx], y[:, nx:], p, _worst(study, y, p, s)), good
+
+
+def _followed(
+    study: Study,
+    y0: np.ndarray,
+    own: tuple[np.ndarray, np.ndarray],
+    to: tuple[np.ndarray, np.ndarray],
+    rows: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The motions at values `to`, each followed from y0 at its `own` in steps of its own length,
+    and which were reached. A step is half as long where it comes to another place than foreseen;
+    the shortest go round bends, and no further where a row changes as much as no bend does."""
+    problem, many = study.problem, len(to[0])
+    y, at, step = np.tile(y0, (many, 1)), np.zeros(many), np.ones(many)
+    going = np.arange(many)
+    for _ in range(STEPS):
+        if not len(going):
+            break
+        part = np.minimum(at[going] + step[going], 1.0)
+        here, there = (_between(own, to, going, x) for x in (at[going], part))
+        before = _with_inputs(problem, y[going], *there)
+        slopes = _evaluated(problem, y[going], *here)[1]
+        ahead = before + _step(study, _evaluated(problem, before, *there)[0], slopes, there, rows)
+        found, stands = _newton(study, before, *there, rows)
+        shortest = step[going] <= 0.5**HALVED
+        near = is_near(problem, found, ahead, before)
+        goes_on = stands & (near | (shortest & bends(problem, found, before, y0)))
+        y[going[goes_on]], at[going[goes_on]] = found[goes_on], part[goes_on]
+        step[going] *= np.where(goes_on, 2.0, 0.5)
+        going = going[(at[going] < 1.0) & (goes_on | ~shortest)]
+    return y, at == 1.0
+
+
+def _between(
+    own: tuple[np.ndarray, np.ndarray],
+    to: tuple[np.ndarray, np.ndarray],
+    which: np.ndarray,
+    part: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values of p and s on the way, a part of it for each of those rows."""
+    p, s = (x0 + part[:, None] * (x[which] - x0) for x0, x in zip(own, to))
+    return p, s
 
 
 def _directions(study: Study, y0: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
@@ -64,18 +113,14 @@ def _directions(study: Study, y0: np.ndarray, names: tuple[str, ...]) -> np.ndar
 def _newton(
     study: Study, y: np.ndarray, p: np.ndarray, s: np.ndarray, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Undamped, by least squares, in the model's own units; a row that stands stays as it is."""
-    problem = study.problem
-    D, y = problem.scale, y.copy()
-    weights = _free(problem, p, s) * D / rows[:, None]
+    """Undamped; a row that stands stays as it is."""
+    D, y = study.problem.scale, y.copy()
     going, done = np.arange(len(y)), np.zeros(len(y), dtype=bool)
     for _ in range(ROUNDS):
-        residuals, slopes = _evaluated(problem, y[going], p[going], s[going])
-        known = np.hstack([residuals, slopes.reshape(len(going), -1)])
-        finite = np.flatnonzero(np.isfinite(known.sum(axis=1)))
-        going, slopes = going[finite], slopes[finite]
-        side = (residuals[finite] / rows)[:, :, None]
-        step = -D * (np.linalg.pinv(slopes * weights, rcond=RANK) @ side)[:, :, 0]
+        there = p[going], s[going]
+        step = _step(study, *_evaluated(study.problem, y[going], *there), there, rows)
+        finite = np.flatnonzero(np.isfinite(step.sum(axis=1)))
+        going, step = going[finite], step[finite]
         y[going] += step
         size = 1 + np.max(np.abs(y[going] / D), axis=1)
         stands = np.max(np.abs(step / D), axis=1) <= KEPT * size
@@ -86,6 +131,25 @@ def _newton(
     # a step that stands still is not yet a motion that is steady
     off = _worst(study, y, p, s) / (1 + np.max(np.abs(y), axis=1))
     return y, done & (off <= KEPT)
+
+
+def _step(
+    study: Study,
+    residuals: np.ndarray,
+    slopes: np.ndarray,
+    at: tuple[np.ndarray, np.ndarray],
+    rows: np.ndarray,
+) -> np.ndarray:
+    """Of Newton's method, by least squares in the model's own units; not finite where residuals or
+    slopes are not."""
+    D = study.problem.scale
+    weights = _free(study.problem, *at) * D / rows[:, None]
+    step = np.full((len(residuals), len(D)), np.nan)
+    known = np.hstack([residuals, slopes.reshape(len(residuals), -1)])
+    finite = np.isfinite(known.sum(axis=1))
+    side = (residuals[finite] / rows)[:, :, None]
+    step[finite] = -D * (np.linalg.pinv(slopes[finite] * weights, rcond=RANK) @ side)[:, :, 0]
+    return step
 
 
 def _free(problem: Problem, p: np.ndarray, s: np.ndarray) -> np.ndarray:

@@ -51,9 +51,10 @@ class Linear:
 @dataclass(frozen=True)
 class Steady:
     """A steady motion: state and inputs, one row for each of N sets of values; `residual` is the
-    worst of each row."""
+    worst of each row. `breaks` are rows on another branch than the row before."""
 
     x: np.ndarray  # N × nx
     u: np.ndarray  # N × nu
     p: np.ndarray  # N × np
     residual: np.ndarray
+    breaks: tuple[int, ...] = ()

@@ -14,11 +14,12 @@ from derive.linearize.limits import (
     KEPT,
     LEAP,
     RANK,
+    ROUNDING,
     STANDS,
     STEADY_STEPS,
     STRAYS,
 )
-from derive.linearize.steady import GUESS, Problem
+from derive.linearize.steady import LENGTH, Problem, is_guess
 from derive.linearize.turning import rates_of_angles
 from derive.states.scales import scales
 
@@ -39,8 +40,7 @@ def solved(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.nd
 def _solved(
     found: Problem, balance: Balance, p: np.ndarray, s: np.ndarray, y: np.ndarray
 ) -> np.ndarray:
-    """In the model's own units. Steps are those of least squares: a family of steady motions leaves
-    directions open, and rows may repeat each other."""
+    """In the model's own units."""
     y, free = with_inputs(found, y, p, s)
     D = found.scale
     rates = row_sizes(found, _evaluated(found, found.function, y, p, s)[1])
@@ -48,8 +48,7 @@ def _solved(
     step, done = np.zeros_like(y), False
     for _ in range(STEADY_STEPS):
         residual, slopes = _evaluated(found, balance.function, y, p, s)
-        scaled = slopes * (free * D) / rows[:, None]
-        step = -D * np.linalg.lstsq(scaled, residual / rows, rcond=RANK)[0]
+        step = _step(residual / rows, slopes * (free * D) / rows[:, None], D)
         y, done = _damped(found, balance, y, step, (p, s), residual, rows)
         if done:
             break
@@ -60,6 +59,29 @@ def _solved(
     if not np.all(np.isfinite(R)) or np.max(worst, initial=0.0) > KEPT:
         raise _refused(found, R, worst, s)
     return y
+
+
+def foreseen(
+    found: Problem,
+    place: tuple[np.ndarray, np.ndarray, np.ndarray],
+    p: np.ndarray,
+    s: np.ndarray,
+) -> np.ndarray:
+    """Where the motion (p, s, y) goes by its slopes there when the values become these, whatever
+    its size: y − J⁻¹(p₀, s₀) R(p, s). Raises AssumptionError where it has no slopes."""
+    own_p, own_s, own = place
+    y, free = with_inputs(found, own, p, s)
+    D = found.scale
+    J = _evaluated(found, found.function, own, own_p, own_s)[1]
+    R = _evaluated(found, found.function, y, p, s)[0]
+    rows = row_sizes(found, J)
+    return y + _step(R / rows, J * (free * D) / rows[:, None], D)
+
+
+def _step(residual: np.ndarray, slopes: np.ndarray, D: np.ndarray) -> np.ndarray:
+    """Of Newton's method, by least squares: a family of steady motions leaves directions open, and
+    rows may repeat each other."""
+    return -D * np.linalg.lstsq(slopes, residual, rcond=RANK)[0]
 
 
 def check_pivots(found: Problem, y: np.ndarray, p: np.ndarray) -> None:
@@ -156,9 +178,14 @@ def _share(found: Problem, step: np.ndarray, y: np.ndarray) -> float:
 
 
 def _excess(R: np.ndarray, J: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Residuals relative to what the terms of their rows could amount to."""
-    slopes = np.maximum(np.max(np.abs(J), axis=1, initial=0.0), FLAT)
-    return np.abs(R) / (slopes * (1.0 + float(np.max(np.abs(y), initial=0.0))))
+    """Residuals relative to what the terms of their rows could amount to, and to what they do:
+    far away, where one factor of a term has grown as much as the other has shrunk, little is
+    missed against what such factors could amount to."""
+    slopes, sizes = np.abs(J), np.abs(y)
+    steepest = np.maximum(np.max(slopes, axis=1, initial=0.0), FLAT)
+    could = steepest * (1.0 + float(np.max(sizes, initial=0.0)))
+    terms = np.maximum(1.0 + slopes @ sizes, ROUNDING * slopes @ (1.0 + sizes))
+    return np.abs(R) / np.minimum(could, terms)
 
 
 def _lost(found: Problem, y: np.ndarray, step: np.ndarray) -> AssumptionError:
@@ -176,16 +203,19 @@ def _lost(found: Problem, y: np.ndarray, step: np.ndarray) -> AssumptionError:
 
 def _refused(found: Problem, R: np.ndarray, excess: np.ndarray, s: np.ndarray) -> AssumptionError:
     model, motion = found.equations.system.model, found.motion
-    k = int(np.argmax(excess))
+    lengths = np.array([row.startswith(LENGTH) for row in found.rows])  # met as others are
+    k = int(
+        np.argmax(np.where(lengths, 0.0, excess) if np.any(excess[~lengths] > KEPT) else excess)
+    )
     unit = f" {found.units[k]}" if found.units[k] else ""
     what = f"'{motion.name}' is no steady motion"
-    if motion.name == GUESS and not motion.values:
+    if is_guess(motion):
         what = "no steady motion was found near the initial values"
     missed = f"is missed by {R[k]:.3g}{unit}"
     if found.rows[k].startswith("der(") and found.rows[k] not in dict(motion.values):
         missed = f"would have to vanish and is {R[k]:.3g}{unit}"
     guesses = "other guesses (`guess:` of the motion, or --set)"
-    if motion.name == GUESS and not motion.values:
+    if is_guess(motion):
         guesses = "other guesses (`initial:` of the file, or --set)"
     advice = (
         f"held values that can be kept for ever; {guesses}, an input that is `free`, "

@@ -11,7 +11,7 @@ from derive.diagnostics import AssumptionError
 from derive.expressions.evaluate import number
 from derive.expressions.tree import Expression
 from derive.linearize.limits import RANK
-from derive.linearize.steady import GUESS, Problem
+from derive.linearize.steady import Problem, is_guess
 from derive.states import gimbal
 from derive.states.closing import closed, nominal, normalised
 from derive.states.initial import initial_state
@@ -27,7 +27,7 @@ def starts(found: Problem, p: np.ndarray, s: np.ndarray) -> Iterator[np.ndarray]
     system, motion = found.equations.system, found.motion
     given = found.given(p, s) | {name: _number(found, e, p) for name, e in motion.guesses}
     free = np.array([c.name not in dict(motion.values) for c in system.model.coordinates])
-    if motion.name == GUESS and not motion.values:
+    if is_guess(motion):
         changes = {name: _number(found, e, p) for name, e in motion.guesses}
         initial = initial_state(system, changes, p)
         q, spreads = initial.q, (0.0, *BESIDE)

@@ -3,8 +3,8 @@ constant."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -13,6 +13,7 @@ from derive.diagnostics import AssumptionError, did_you_mean, listed
 from derive.expressions.columns import columns_of
 from derive.expressions.deferred import changed
 from derive.expressions.evaluate import value
+from derive.expressions.tree import Name
 from derive.formulations.records import Equations
 from derive.linearize.balance import Balance, forces
 from derive.linearize.minimal import position_rows
@@ -23,6 +24,7 @@ from derive.states.scales import scales
 from derive.states.speeds import speed_rows
 
 GUESS = "guess"
+LENGTH = "length of quaternion"
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,23 @@ def motion_of(equations: Equations, name: str | None) -> SteadyMotion:
     )
 
 
+def is_guess(motion: SteadyMotion) -> bool:
+    """Whether it is what is found near the initial values; inputs may be given with it."""
+    given = all(formula == Name(name) for name, formula in motion.values)
+    return motion.name == GUESS and given and set(motion.sweepable) >= {*dict(motion.values)}
+
+
+def with_free_inputs(
+    equations: Equations, motion: SteadyMotion, names: Iterable[str]
+) -> SteadyMotion:
+    """The motion; if it is what is found near the initial values, with those of `names` that are
+    inputs free to be given, where they are zero else."""
+    if not is_guess(motion):
+        return motion
+    inputs = tuple(i.name for i in equations.system.model.inputs if i.name in set(names))
+    return replace(motion, values=tuple((x, Name(x)) for x in inputs), sweepable=inputs)
+
+
 def check_still(system: System) -> None:
     """Refuses what is seen to depend on time before anything is chosen: positions, and what acts on
     velocities that no constraint ties. Raises AssumptionError."""
@@ -116,7 +135,7 @@ def problem(equations: Equations, motion: SteadyMotion, cyclic: Sequence[int]) -
         row.name
         for row in sorted((r for r in system.rows if r.position >= 0), key=lambda r: r.position)
     ]
-    names += [f"length of quaternion {k + 1}" for k in range(len(system.quaternions))]
+    names += [f"{LENGTH} {k + 1}" for k in range(len(system.quaternions))]
     R = ca.densify(ca.vertcat(positions, f.value[still, 0], held))
     y = ca.vertcat(x, u)
     B = equations.term("B")

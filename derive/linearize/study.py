@@ -13,11 +13,12 @@ import numpy as np
 from derive.choices.redundancy import check_repeated
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.formulations.records import Equations
-from derive.linearize.branch import family, settled
+from derive.linearize.branch import Place, family
 from derive.linearize.cyclic import confirmed, cyclic_coordinates
 from derive.linearize.kinks import at_kink
 from derive.linearize.limits import DEPENDENT, SAME_ROWS, SPREADS, STUDY_SAMPLES
 from derive.linearize.minimal import Evaluator, evaluator, linear, position_rows
+from derive.linearize.nearest import settled
 from derive.linearize.records import Linear, Steady
 from derive.linearize.search import check_pivots
 from derive.linearize.spectrum import Stage, deflated, families, in_units
@@ -38,6 +39,7 @@ class Study:
     linear: Linear
     problem: Problem
     at: dict[str, float]
+    origin: Place  # the motion that belongs to `at`
     cyclic: tuple[int, ...]
     kept: tuple[int, ...]
     families: tuple[Stage, ...]
@@ -102,10 +104,10 @@ class Study:
         s = [columns[name] for name in self.problem.motion.sweepable]
         return np.array(p).reshape(len(p), many).T, np.array(s).reshape(len(s), many).T
 
-    def motions(self, sweep: Columns) -> Steady:
-        """The steady motions, one for each row of values, continued along the sweep. Raises
-        AssumptionError where there is none."""
-        return family(self.problem, *self.values(sweep))
+    def motions(self, sweep: Columns, origin: Place | None = None) -> Steady:
+        """The steady motions, one for each row of values, on the branch through the study's own
+        motion, or another `origin`. Raises AssumptionError where there is none."""
+        return family(self.problem, origin or self.origin, *self.values(sweep))
 
     def full(self, motions: Steady) -> np.ndarray:
         """A in all minimal states, N × n × n, cyclic coordinates and families included: its zero
@@ -119,8 +121,8 @@ class Study:
         return deflated(A, self.families, self.one)
 
     def along(self, sweep: Columns) -> np.ndarray:
-        """The matrix of the linear equations for each value of a sweep: the steady motion is found
-        anew at every value, as it changes with the parameters."""
+        """The matrix of the linear equations for each row of values: the steady motion is found
+        anew at every one, as it changes with them."""
         return self.matrices(self.motions(sweep))
 
 
@@ -160,6 +162,7 @@ def study(
         form,
         result,
         given,
+        Place(p, s, y),
         places,
         remaining,
         (),

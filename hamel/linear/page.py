@@ -34,7 +34,7 @@ from hamel.linear.limits import (
 )
 from hamel.linear.ranges import Range, own_ranges
 from hamel.linear.sweep import Sweep, swept
-from hamel.linear.words import course, shape, unstable_ranges
+from hamel.linear.words import branches, course, shape, unstable_ranges
 from hamel.records import Linearized
 
 
@@ -242,6 +242,8 @@ def _critical(name: str, record: Linearized) -> str:
     ]
     head = ("what happens", f"at {name}", "eigenvalue (1/s)")
     table = _table(head, rows) if rows else "<p>No change in the range.</p>"
+    if said := branches(record):
+        table += f"<p>{escape(said[0].upper() + said[1:])}.</p>"
     ranges = "; ".join(f"{a:.10g} to {b:.10g}" for a, b in record.stable)
     if ranges:
         rest = "; ".join(f"{a:.10g} to {b:.10g}" for a, b in unstable_ranges(record))

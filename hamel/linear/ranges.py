@@ -31,17 +31,25 @@ def value(model: Model, motion: SteadyMotion, name: str, given: float | str) -> 
         return settings(model, {name: given}).parameters[name]
     if name not in motion.sweepable:
         known = (*motion.sweepable, *(parameter.name for parameter in model.parameters))
-        near = did_you_mean(name, known) or f"known: {listed(known)}"
-        raise ModelError(
-            f"'{name}' is neither free in the steady motion '{motion.name}' nor a parameter of "
-            f"{model.name}",
-            near,
-        )
+        near = did_you_mean(name, known) or (f"known: {listed(known)}" if known else "")
+        raise ModelError(_not_given(model, motion, name), near)
     if isinstance(given, str):
         return parsed(name, given, _unit(model, motion, name), {})
     if not math.isfinite(given):
         raise ModelError(f"{name} is set to {given}, which is not a finite number")
     return float(given)
+
+
+def _not_given(model: Model, motion: SteadyMotion, name: str) -> str:
+    """Why the name can have no value."""
+    if name in motion.free:
+        return f"'{name}' is found, not given, along the steady motion '{motion.name}'"
+    if name in dict(motion.values):
+        return f"the steady motion '{motion.name}' holds '{name}' where the file says"
+    return (
+        f"'{name}' is neither free in the steady motion '{motion.name}' nor a parameter of "
+        f"{model.name}"
+    )
 
 
 def _unit(model: Model, motion: SteadyMotion, name: str) -> str | None:

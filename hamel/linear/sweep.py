@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from derive.linearize.branch import Place
 from derive.linearize.critical import Critical, critical_values
 from derive.linearize.spectrum import eigenvalues, is_unstable
 from derive.linearize.study import Study
@@ -24,6 +25,7 @@ class Sweep:
     spectra: np.ndarray
     critical: tuple[Critical, ...]  # along a single range
     labels: tuple[str, ...] = ()  # the names with their units, where these are known
+    breaks: tuple[int, ...] = ()  # rows on another branch of motions than the row before
 
     @property
     def unstable(self) -> np.ndarray:
@@ -39,15 +41,22 @@ class Sweep:
         flags, crossings, values = ~self.unstable, [], self.values[:, 0]
         start = float(values[0]) if flags[0] else None
         for k in range(len(flags) - 1):
-            if flags[k] == flags[k + 1]:
+            if flags[k] == flags[k + 1] and k + 1 not in self.breaks:
                 continue
-            edge = self._edge(float(values[k]), float(values[k + 1]))
-            if start is None:
-                start = edge
-            else:
-                crossings.append((start, edge))
-                start = None
+            end, beginning = self._edges(k)
+            if start is not None:
+                crossings.append((start, end))
+            start = beginning if flags[k + 1] else None
         return (*crossings, *([] if start is None else [(start, float(values[-1]))]))
+
+    def _edges(self, k: int) -> tuple[float, float]:
+        """Where what row k says ends, and what the next says begins: at the critical value at which
+        stability changes, or at the rows where the branch ends between them."""
+        a, b = float(self.values[k, 0]), float(self.values[k + 1, 0])
+        if k + 1 in self.breaks:
+            return a, b
+        edge = self._edge(a, b)
+        return edge, edge
 
     def _edge(self, a: float, b: float) -> float:
         """The critical value between two rows at which stability changes."""
@@ -64,15 +73,18 @@ def swept(study: Study, ranges: Sequence[Range]) -> Sweep:
         return _line(study, ranges[0])
     outer, inner = ranges
     many = len(inner.values)
-    stacks = [
-        study.along({outer.name: np.full(many, x), inner.name: inner.values}) for x in outer.values
+    lines = [
+        study.motions({outer.name: np.full(many, x), inner.name: inner.values})
+        for x in outer.values
     ]
+    spectra = eigenvalues(np.concatenate([study.matrices(line) for line in lines]))
+    breaks = tuple(i * many + k for i, line in enumerate(lines) for k in line.breaks)
     values = np.column_stack(
         [np.repeat(outer.values, many), np.tile(inner.values, len(outer.values))]
     )
     names = (outer.name, inner.name)
     labels = tuple(_label(study, name) for name in names)
-    return Sweep(names, values, eigenvalues(np.concatenate(stacks)), (), labels)
+    return Sweep(names, values, spectra, (), labels, breaks)
 
 
 def _label(study: Study, name: str) -> str:
@@ -83,14 +95,23 @@ def _label(study: Study, name: str) -> str:
 
 
 def _line(study: Study, along: Range) -> Sweep:
-    def matrices(values: np.ndarray) -> np.ndarray:
-        return study.along({along.name: values})
+    motions, (p, s) = (
+        study.motions({along.name: along.values}),
+        study.values({along.name: along.values}),
+    )
+    y = np.hstack([motions.x, motions.u])
 
-    spectra = eigenvalues(matrices(along.values))
+    def matrix(value: float) -> np.ndarray:
+        """From the nearest row: from further off, Newton's method may come to another branch."""
+        k = int(np.argmin(np.abs(along.values - value)))
+        return study.matrices(study.motions({along.name: [value]}, Place(p[k], s[k], y[k])))[0]
+
+    spectra = eigenvalues(study.matrices(motions))
     return Sweep(
         (along.name,),
         along.values[:, np.newaxis],
         spectra,
-        critical_values(matrices, along.values, spectra),
+        critical_values(matrix, along.values, spectra, motions.breaks),
         (_label(study, along.name),),
+        motions.breaks,
     )

@@ -33,7 +33,21 @@ def unstable_ranges(record: Linearized) -> list[tuple[float, float]]:
     """What the stable intervals of the one swept name leave of its range."""
     values = [row[record.swept[0]] for row in record.rows]
     ends = [values[0], *(edge for interval in record.stable for edge in interval), values[-1]]
-    return [(a, b) for a, b in zip(ends[::2], ends[1::2]) if a != b]
+    gaps = {(values[k - 1], values[k]) for k in record.breaks}
+    return [(a, b) for a, b in zip(ends[::2], ends[1::2]) if a != b and (a, b) not in gaps]
+
+
+def branches(record: Linearized) -> str:
+    """Where the branch of steady motions ends and another one is followed; "" where none does."""
+    if not record.breaks:
+        return ""
+    ends = [(record.rows[k - 1], record.rows[k]) for k in record.breaks]
+    if len(record.swept) != 1:
+        return f"the branch of steady motions ends in {len(ends)} places of the map"
+    name = record.swept[0]
+    places = [f"{name} = {before[name]:.6g} and {after[name]:.6g}" for before, after in ends]
+    between = ", and between ".join(places)
+    return f"the branch of steady motions ends between {between}: rows beyond are of another one"
 
 
 def shape(study: Study, mode: Mode) -> str:

@@ -16,12 +16,12 @@ import numpy as np
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.frames import based
 from derive.linearize import study
-from derive.linearize.branch import moves
 from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import evaluator
+from derive.linearize.nearest import moves
 from derive.linearize.records import Kink, Steady
 from derive.linearize.sensitivity import Mode, modes
-from derive.linearize.steady import check_still, motion_of
+from derive.linearize.steady import check_still, motion_of, with_free_inputs
 from derive.linearize.study import Study
 from derive.linearize.unreduced import unreduced
 from hamel.build.clock import Clock
@@ -31,7 +31,7 @@ from hamel.linear.limits import SAME
 from hamel.linear.page import page
 from hamel.linear.ranges import ranges, started, values
 from hamel.linear.sweep import Sweep, swept
-from hamel.linear.words import course, shape, unstable_ranges
+from hamel.linear.words import branches, course, shape, unstable_ranges
 from hamel.records import CriticalValue, Linearized, ModeOf, UnreducedForm
 from hamel.show import durations, table
 
@@ -68,7 +68,8 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
     clock = Clock()
     equations = based(equations_of(path, options.choice, clock=clock, check=check_still))
     model = equations.system.model
-    motion, given = started(model, motion_of(equations, options.at), options.given)
+    motion = with_free_inputs(equations, motion_of(equations, options.at), (*options.given, *sweep))
+    motion, given = started(model, motion, options.given)
     wanted = ranges(model, motion, sweep)
     with clock("linearize"):
         middles = {
@@ -137,6 +138,7 @@ def _record(study: Study, made: Sweep, clock: Clock) -> Linearized:
             for c in made.critical
         ),
         stable=made.stable,
+        breaks=made.breaks,
         modes=tuple(_mode(study, mode) for mode in modes(study)),
         unreduced=_unreduced(study, motions),
         seconds=clock.seconds,
@@ -226,6 +228,8 @@ def show(record: Linearized, console: Console) -> None:
         console.print(
             f"{KINDS[c.kind]} at {c.name} = {c.value:.15g}, eigenvalue {_complex(c.eigenvalue)}"
         )
+    if record.breaks:
+        console.print(branches(record))
     for first, last in record.stable:
         console.print(
             f"no unstable eigenvalue for {record.swept[0]} from {first:.15g} to {last:.15g}"

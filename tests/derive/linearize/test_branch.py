@@ -1,0 +1,163 @@
+"""Motions of a sweep are on one branch, and where it ends is said.
+
+Of derive.linearize: branch, nearest.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hamel
+from derive.diagnostics import AssumptionError, ModelError
+from derive.formulations import equations
+from derive.linearize.many import steady_motions
+from derive.linearize.steady import motion_of
+from derive.linearize.study import study
+from derive.model import load_text
+from derive.states import system
+
+# A bead on a hoop that turns at a given rate. At rest below, it turns unstable at √(g/l); from
+# there it can rest at cos θ = g/(l om²), too.
+HOOP = """
+model: hoop
+plane: xy
+parameters: {m: 1 kg, l: 0.4 m, om: 3 rad/s, g: 9.81 m/s^2, d: 0.05}
+coordinates: {th: rad}
+kinetic: m/2*l^2*der(th)^2
+potential: -m*g*l*cos(th) - m/2*l^2*om^2*sin(th)^2
+forces: {th: -d*der(th)}
+initial: {th: START}
+steady_motion: {round: {guess: {th: START}, sweep: {om: [RANGE]}}}
+"""
+ONSET = np.sqrt(9.81 / 0.4)
+# Two springs that are longer than the way: snaps through under the load F.
+TRUSS = """
+model: truss
+plane: xy
+gravity: [0, 0]
+parameters: {F: 1 N, c: 0.5 N*s/m}
+bodies: {a: {mass: 1 kg}}
+joints: {A: {type: prismatic, parent: ground, child: a, axis: [0, 1], coordinate: y, damper: c}}
+loads:
+  left: {type: spring, between: [ground, a], at: [[-1, 0], [0, 0]], stiffness: 100 N/m, length: 1.1 m}
+  right: {type: spring, between: [ground, a], at: [[1, 0], [0, 0]], stiffness: 100 N/m, length: 1.1 m}
+  weight: {type: force, body: a, components: [0, -F]}
+initial: {y: 0.45 m}
+"""
+PENDULUM = """
+model: pendulum
+plane: xy
+gravity: [0, -9.81 m/s^2]
+parameters: {m: 1 kg}
+bodies: {a: {mass: m, com: [0, -1 m]}}
+joints: {A: {type: revolute, parent: ground, child: a, coordinate: q}}
+inputs: {tau: {joint: A}}
+initial: {q: 5 deg}
+"""
+FALLING = """
+model: falling
+gravity: [0, 0, -9.81 m/s^2]
+bodies:
+  hull: {mass: 3 kg, com: [0.05, -0.02, 0.01], inertia: [0.2, 0.3, 0.25, 0.01, -0.02, 0.03]}
+  wheel: {mass: 0.4 kg, inertia: [0.005, 0.005, 0.01]}
+joints:
+  base: {type: free, parent: ground, child: hull, position: [x, y, z]}
+  A: {type: revolute, parent: hull, child: wheel, axis: z, at: [0.25, 0, 0.1], coordinate: f1}
+initial: {base.wx: 1 rad/s, der(f1): 30 rad/s}
+"""
+
+
+def written(tmp_path: Path, text: str, **words: object) -> Path:
+    for word, value in words.items():
+        text = text.replace(word, str(value))
+    path = tmp_path / "model.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("count", [10, 26, 33])
+def test_critical_values_are_those_of_one_branch(count: int, tmp_path: Path) -> None:
+    """Between rows it is found anew: from further off, that led to the motion off the axis, and
+    the value was one just below the next row, 5 % off."""
+    path = written(tmp_path, HOOP, START="0.3 rad", RANGE=f"1 rad/s, 10 rad/s, {count}")
+    found = hamel.linearize(path)
+    (double, zero) = found.critical
+    assert double.value == pytest.approx(np.sqrt(ONSET**2 - (0.05 / 0.4**2 / 2) ** 2), rel=1e-12)
+    assert zero.value == pytest.approx(ONSET, rel=1e-12)
+    assert found.stable == ((1.0, zero.value),)
+
+
+def test_rows_are_of_the_branch_that_is_studied(tmp_path: Path) -> None:
+    """From the first row on it was the motion on the axis that was followed, to its end: the study's
+    own is the other. Where both meet, they go on as one."""
+    path = written(tmp_path, HOOP, START="50 deg", RANGE="3 rad/s, 10 rad/s, 8")
+    found = hamel.linearize(path, values={"om": 6.5})
+    for row in found.rows:
+        om = row["om"]
+        cosine = min(1.0, ONSET**2 / om**2)
+        stiffness = ONSET**2 * cosine - om**2 * (2 * cosine**2 - 1)
+        frequency = np.sqrt(stiffness - (0.05 / 0.4**2 / 2) ** 2)
+        assert abs(row["eigenvalues"][0][1]) == pytest.approx(frequency, rel=1e-9)
+    assert (found.breaks, found.stable) == ((), ((3.0, 10.0),))
+
+
+def test_a_branch_that_ends_is_said(tmp_path: Path) -> None:
+    """Stable on both sides of where the truss snaps through, which no row is evidence of."""
+    path = written(tmp_path, TRUSS)
+    found = hamel.linearize(path, sweep={"F": "0:6:13"})
+    assert found.breaks == (7,)
+    assert found.stable == ((0.0, 3.0), (3.5, 6.0))
+    assert found.critical == ()
+
+
+def test_motions_made_at_once_do_not_leave_their_branch() -> None:
+    """Newton's method alone came to the truss that has snapped through."""
+    found = equations(system(load_text(TRUSS)))
+    one = study(found, motion_of(found, None))
+    motions, good = steady_motions(one, {"F": np.linspace(0.0, 6.0, 13)})
+    assert good.tolist() == [True] * 7 + [False] * 6
+    rows = one.motions({"F": np.linspace(0.0, 3.0, 7)})
+    assert np.max(np.abs(motions.x[:7] - rows.x)) < 1e-9
+
+
+def test_motions_made_at_once_go_round_bends() -> None:
+    """From the motion off the axis to that on it, where both meet close by and far off."""
+    for own, start in ((5.0, "12 deg"), (6.5, "50 deg"), (9.0, "70 deg")):
+        text = HOOP.replace("START", start).replace(", sweep: {om: [RANGE]}", "")
+        found = equations(system(load_text(text)))
+        one = study(found, motion_of(found, None), {"om": own})
+        om = np.linspace(3.0, 10.0, 29)
+        motions, good = steady_motions(one, {"om": om})
+        wanted = np.arccos(np.minimum(1.0, ONSET**2 / om**2))
+        assert good.all()
+        assert np.max(np.abs(motions.x[:, 0] - wanted)) < 1e-6
+
+
+def test_a_row_without_a_motion_is_named(tmp_path: Path) -> None:
+    path = written(tmp_path, PENDULUM)
+    with pytest.raises(AssumptionError, match="at m = 0: the equations of 'auto' are singular"):
+        hamel.linearize(path, sweep={"m": "0:2:3"})
+    with pytest.raises(AssumptionError, match="near the initial values with tau = 10: der"):
+        hamel.linearize(path, sweep={"tau": "0:12:13"})
+
+
+def test_inputs_can_be_given_to_what_is_found_near_the_initial_values(tmp_path: Path) -> None:
+    path = written(tmp_path, PENDULUM)
+    found = hamel.linearize(path, values={"tau": 2.0})
+    assert found.steady["q"] == pytest.approx(np.arcsin(2 / 9.81))
+    rows = hamel.linearize(path, sweep={"tau": "0:9:4"}).rows
+    wanted = [np.sqrt(9.81 * np.cos(np.arcsin(tau / 9.81))) for tau in (0, 3, 6, 9)]
+    assert [abs(row["eigenvalues"][0][1]) for row in rows] == pytest.approx(wanted)
+    path.write_text(PENDULUM + "steady_motion: {held: {q: 0.3, tau: free}}\n")
+    with pytest.raises(ModelError, match="'tau' is found, not given, along the steady"):
+        hamel.linearize(path, values={"tau": 2.0})
+
+
+def test_what_falls_is_never_steady(tmp_path: Path) -> None:
+    """A velocity of 8·10⁶ m/s that turns by 10⁻⁶ rad/s balanced the weight, all but 10⁻⁴ m/s²."""
+    path = written(tmp_path, FALLING)
+    with pytest.raises(AssumptionError, match="no steady motion was found"):
+        hamel.linearize(path)

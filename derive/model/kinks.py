@@ -7,7 +7,12 @@ from dataclasses import dataclass, fields, is_dataclass
 from itertools import combinations
 from typing import Any
 
+from derive.diagnostics import ModelError
 from derive.expressions import tree
+from derive.expressions.evaluate import number
+from derive.expressions.mistakes import FormulaError
+from derive.expressions.piece_order import check_pieces
+from derive.model.load_records import Contact, JointFriction
 from derive.model.records import Model, Span
 
 SHARP = {"step": 1, "ramp": 1, "clip": 3, "piecewise": 32}  # arguments without a width
@@ -63,6 +68,22 @@ def are_constraints_in_pieces(model: Model) -> bool:
         call.function in tables or _counts(call, SWITCHING)
         for call, _, _ in _calls(model, ("constraints", "definitions"))
     )
+
+
+def check_order(model: Model) -> None:
+    """Raises ModelError where bounds, places or widths are not in order at the values of the
+    parameters, nor what makes friction smooth."""
+    values = {x.name: x.value for x in model.parameters}
+    for load in model.loads:
+        if isinstance(load, JointFriction | Contact) and number(load.smoothing, values) <= 0.0:
+            message = f"the smoothing of '{load.name}' is {number(load.smoothing, values):g}"
+            raise ModelError(model.diagnostic(load.span, message, "more than zero"))
+    for call, _, span in _calls(model, (*MOVING, "outputs")):
+        try:
+            check_pieces(call, values)
+        except FormulaError as error:
+            message, expected, _ = error.detail
+            raise ModelError(model.diagnostic(span, message, expected)) from error
 
 
 def _compared(

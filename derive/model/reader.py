@@ -19,6 +19,7 @@ from derive.expressions.functions import FUNCTIONS, KINEMATIC_FUNCTIONS, Functio
 from derive.expressions.limits import too_large
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
+from derive.expressions.piece_order import check_pieces
 from derive.expressions.quantities import plain_number, quantity, unit
 from derive.expressions.tables import Table
 from derive.expressions.tree import Expression, Number
@@ -190,6 +191,7 @@ class Reader:
         self.check_unit(resolved, where, wanted, text)
         if functions is FUNCTIONS:
             self._check_value(resolved, text)
+            check_pieces(resolved, self.values, text)
         return resolved
 
     def rewritten(self, parsed: Expression, text: str) -> Expression:

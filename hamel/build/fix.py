@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.expressions.tree import Number, Product
+from derive.model.kinks import check_order
 from derive.model.load_records import GeneralisedForce
 from derive.model.records import Input, Load, Model
 from hamel.build.options import Constants
@@ -26,7 +27,8 @@ def fixed(
     """The model with the named inputs and parameters as numbers, and what is constant in it then.
 
     Values are numbers in SI units, or text with a unit. Raises ModelError for a name that is
-    neither an input nor a parameter.
+    neither an input nor a parameter, and where bounds, places or widths of formulas in pieces are
+    not in order then.
     """
     if not values:
         return model, constants
@@ -56,6 +58,7 @@ def fixed(
         extremes=(),
         fixed=tuple((u | p).items()),
     )
+    check_order(changed)
     return changed, constants if isinstance(constants, str) else (
         *constants,
         *(name for name in p if name not in constants),

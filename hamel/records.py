@@ -659,3 +659,4 @@ class Excitation:
     middle: tuple[float, ...]
     a: Sequence[Sequence[float]]
     b: Sequence[Sequence[float]]
+    undriven: tuple[str, ...]  # coordinates that no input moves, where others are moved

@@ -135,11 +135,14 @@ def _in_order(scaled: Array, rank: int) -> Array:
 
 
 def _leading(combination: Array, rows: Array) -> tuple[int, ...]:
-    """The standard parameter of the same place, where it is in the sum; else the largest."""
-    return tuple(
-        int(r) if combination[k, r] else int(np.argmax(np.abs(combination[k])))
-        for k, r in enumerate(rows)
-    )
+    """The standard parameter of the same place, where it is in the sum; else the largest that no
+    other one is named after."""
+    leading = [int(r) if combination[k, r] else -1 for k, r in enumerate(rows)]
+    for k in (k for k, r in enumerate(leading) if r < 0):
+        order = np.argsort(-np.abs(combination[k]), kind="stable")
+        inside = [int(j) for j in order if combination[k, j]]
+        leading[k] = next((j for j in inside if j not in leading), inside[0])
+    return tuple(leading)
 
 
 def _texts(

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 from scipy.optimize import minimize
 
@@ -50,6 +51,18 @@ class Bounds:
     low: Array
     high: Array
     speed: float
+
+
+def undriven(equations: Equations) -> tuple[str, ...]:
+    """Coordinates that no input moves, where inputs move others: a motion of these takes the forces
+    of somebody else."""
+    system = equations.system
+    through = ca.vertcat(system.u, system.z)  # what inputs change moves, too
+    moves = ca.sparsify(ca.jacobian(system.Q, through))
+    still = [not moves[i, :].nnz() for i in range(system.v.numel())]
+    if all(still) or not system.u.numel():
+        return ()
+    return tuple(v.rate_of for v, alone in zip(system.model.velocities, still) if alone)
 
 
 def excitation(

@@ -21,7 +21,7 @@ from hamel.build.files import write_text
 from hamel.build.module import temporary_module
 from hamel.build.stages import equations_of
 from hamel.identify.base import Base, base_parameters
-from hamel.identify.excitation import columns, excitation
+from hamel.identify.excitation import columns, excitation, undriven
 from hamel.identify.fit import Fit, fit, own_values, relative
 from hamel.identify.limits import DOUBTFUL
 from hamel.identify.measured import recorded
@@ -203,6 +203,7 @@ def excite(
     return Excitation(
         equations.system.model.name, Path(out), period, harmonics, condition, len(result.leading),
         tuple(map(float, series.middle)), series.a.tolist(), series.b.tolist(),
+        undriven(equations),
     )  # fmt: skip
 
 
@@ -284,6 +285,11 @@ def show(
             f"{record.period:g} s, tells {record.base} base parameters; condition "
             f"{record.condition:.3g}"
         )
+        if record.undriven:
+            console.print(
+                f"  no input moves {listed(record.undriven)}: the inputs alone cannot follow the "
+                "series"
+            )
         console.print(f"  wrote {record.file}")
     elif isinstance(record, FreeParameters):
         _show_free(record, console)

@@ -345,3 +345,35 @@ def test_what_was_simulated_is_found_again(tmp_path: Path):
     assert max(record.residuals) < 0.02 and not any("trusted" in note for note in record.notes)
     slow = hamel.identify(model, data, cutoff=20.0)
     assert any("not to be trusted" in note for note in slow.notes)
+
+
+ASKEW = """
+model: askew
+gravity: [0, 0, -9.81 m/s^2]
+bodies:
+  a: {mass: 2 kg, com: [0, 0.02, 0.15], inertia: [0.02, 0.021, 0.004]}
+  b: {mass: 1.5 kg, com: [0.2, 0, 0.01], inertia: [0.003, 0.02, 0.02]}
+  c: {mass: 0.6 kg, com: [0.1, 0.02, 0], inertia: [0.001, 0.004, 0.004, 0.0002, 0, 0]}
+joints:
+  J1: {type: revolute, parent: ground, child: a, axis: z, coordinate: q1}
+  J2: {type: revolute, parent: a, child: b, axis: y, at: [0, 0, 0.3], coordinate: q2}
+  J3: {type: revolute, parent: b, child: c, axis: [0.6, 0.8, 0], at: [0.4, 0, 0], coordinate: q3}
+inputs: {u1: {joint: J1}, u3: {joint: J3}}
+"""
+
+
+def test_base_parameters_have_names_of_their_own(tmp_path: Path) -> None:
+    """Two were Ixx_c, and a reader by name lost one."""
+    path = tmp_path / "askew.yaml"
+    path.write_text(ASKEW)
+    names = [x.name for x in hamel.base_parameters(path).base]
+    assert len(set(names)) == len(names)
+
+
+def test_joints_that_no_input_moves_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "askew.yaml"
+    path.write_text(ASKEW)
+    words = {"period": 5.0, "harmonics": 2, "rate": 10.0}
+    assert hamel.excitation(path, tmp_path / "x.csv", **words).undriven == ("q2",)
+    path.write_text(ASKEW.replace("inputs: {u1: {joint: J1}, u3: {joint: J3}}", ""))
+    assert hamel.excitation(path, tmp_path / "x.csv", **words).undriven == ()

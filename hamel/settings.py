@@ -17,6 +17,7 @@ from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
 from derive.expressions.quantities import quantity
 from derive.expressions.quantities import unit as parsed_unit
+from derive.model.kinks import check_order
 
 if TYPE_CHECKING:
     from derive.model.records import Model
@@ -47,6 +48,7 @@ def settings(model: Model, values: Mapping[str, float | str]) -> Settings:
     changed = [name for name in result if name in parameters]
     if changed:
         _check_bodies(model, changed, parameters)
+        check_order(model, parameters)
     return Settings(initial, parameters, inputs)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from itertools import combinations
 from typing import Any
@@ -70,10 +70,9 @@ def are_constraints_in_pieces(model: Model) -> bool:
     )
 
 
-def check_order(model: Model) -> None:
-    """Raises ModelError where bounds, places or widths are not in order at the values of the
+def check_order(model: Model, values: Mapping[str, float]) -> None:
+    """Raises ModelError where bounds, places or widths are not in order at these values of the
     parameters, nor what makes friction smooth."""
-    values = {x.name: x.value for x in model.parameters}
     for load in model.loads:
         if isinstance(load, JointFriction | Contact) and number(load.smoothing, values) <= 0.0:
             message = f"the smoothing of '{load.name}' is {number(load.smoothing, values):g}"

@@ -58,7 +58,7 @@ def fixed(
         extremes=(),
         fixed=tuple((u | p).items()),
     )
-    check_order(changed)
+    check_order(changed, result.parameters)
     return changed, constants if isinstance(constants, str) else (
         *constants,
         *(name for name in p if name not in constants),

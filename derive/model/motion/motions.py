@@ -11,6 +11,7 @@ from derive.expressions.dimensions import infer
 from derive.expressions.functions import OUTPUT_FUNCTIONS
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
+from derive.expressions.piece_order import check_pieces
 from derive.expressions.tree import ZERO, Expression
 from derive.expressions.units import pretty
 from derive.model.constraints.nonideal import velocity_degree
@@ -193,6 +194,7 @@ def output(reader: Reader, document: Document, names: Names, key: Key, scalar: S
             vectors=True,
         )
         formula, unit = _output(reader, document, parsed, scalar.text)
+        check_pieces(formula, reader.values, scalar.text)
     except FormulaError as error:
         reader.fault(scalar, error)
         formula, unit = ZERO, ""

@@ -53,6 +53,20 @@ def test_widths_bounds_and_places_are_in_order(formula: str, message: str) -> No
     assert ":8:" in str(error.value) and "^" in str(error.value)
 
 
+def test_outputs_are_looked_at() -> None:
+    with pytest.raises(ModelError, match=r":11:.*bounds of clip\(\) are 2 and 1"):
+        load_text(text("0*(1 N)") + 'outputs:\n  o: "clip(x, hi, lo)"\n')
+
+
+def test_values_that_are_set_are_looked_at(tmp_path: Path) -> None:
+    path = tmp_path / "slider.yaml"
+    path.write_text(text("(1 N)*step(x, w) + (1 N/m)*clip(x, lo, hi)"))
+    with pytest.raises(ModelError, match=r"bounds of clip\(\) are 3 and 2"):
+        hamel.simulate(path, time=0.1, values={"lo": 3.0})
+    with pytest.raises(ModelError, match=r"width of step\(\) is 0"):
+        hamel.simulate(path, time=0.1, values={"w": "0 m"})
+
+
 def test_what_is_in_order_is_taken() -> None:
     """Also what is not known when the file is read: bounds that move, and a clip to one value."""
     for formula in (

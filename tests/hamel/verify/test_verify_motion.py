@@ -2,11 +2,13 @@
 for."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import hamel
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator
 from derive.model import load, load_text
@@ -234,3 +236,29 @@ def test_a_reaction_that_turns_in_abs_is_another_piece():
         for name in ("simulate", "order of the integrator"):
             error = value(found, name)
             assert error is None or error <= TOLERANCES[name], name
+
+
+THIN = """
+model: thin
+plane: xy
+tables:
+  motor: {points: [[0, 2], [5, 1.8], [10, 1], [20, 0]], units: [m/s, N], smooth: C1}
+  spring: {points: [[-1, -3], [-0.3, -0.5], [0, 0], [0.4, 1], [1, 4]], units: [m, N], smooth: C2}
+bodies: {slider: {mass: 1 kg}}
+joints: {rail: {type: prismatic, parent: ground, child: slider, axis: x, coordinate: x}}
+inputs: {F: {joint: rail}}
+loads:
+  drive: {type: expression, joint: rail, expression: motor(der(x))}
+  sp: {type: expression, joint: rail, expression: -spring(x)}
+  fr: {type: friction, joint: rail, viscous: 0.1 N*s/m, coulomb: 0.3 N, smoothing: 1 cm/s}
+initial: {der(x): 1 m/s}
+"""
+
+
+@pytest.mark.slow
+def test_the_reference_does_not_go_over_thin_layers(tmp_path: Path) -> None:
+    """One extrapolated step ended where dry friction begins to turn, 8.6e-8 off and sure of
+    3e-13."""
+    path = tmp_path / "thin.yaml"
+    path.write_text(THIN)
+    assert hamel.verify(path, states=7, seed=3).passed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError, Diagnostic
 from derive.linearize.limits import (
+    HALF_KNOWN,
     HALVED,
     LEAP,
     LEAPS,
@@ -72,7 +74,7 @@ def bends(found: Problem, y: np.ndarray, before: np.ndarray, first: np.ndarray) 
     """Whether the shortest step came no further than round a bend, as into a fork: it changes
     little against the way from the first motion. One that changes as much is on another branch."""
     way = np.maximum(moved(found, before, first), moved(found, y, first))
-    return np.all(moved(found, before, y) <= LEAPS * roomy(way), axis=-1)
+    return np.all(moved(found, before, y) <= np.maximum(LEAPS * roomy(way), HALF_KNOWN), axis=-1)
 
 
 def _nearest(rows: np.ndarray, origin: np.ndarray) -> int:
@@ -169,9 +171,7 @@ def _way(
         p, s = place.p + part * (to[0] - place.p), place.s + part * (to[1] - place.s)
         shortest = step <= 0.5**HALVED
         try:
-            y = solved(found, p, s, here.y)
-            ahead = foreseen(found, (here.p, here.s, here.y), p, s)
-            goes_on = bool(is_near(found, y, ahead, here.y))
+            y, goes_on = _next(found, here, p, s)
         except AssumptionError:
             if shortest:
                 raise
@@ -185,6 +185,17 @@ def _way(
         if at == 1.0:
             return y, leapt
     return solved(found, *to, here.y), True
+
+
+def _next(found: Problem, here: Place, p: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, bool]:
+    """The motion where the branch leads, and whether it is one near there; else the one that
+    Newton's method finds from here. Raises AssumptionError where it finds none."""
+    with suppress(AssumptionError):
+        ahead = foreseen(found, (here.p, here.s, here.y), p, s)
+        y = solved(found, p, s, ahead)
+        if is_near(found, y, ahead, here.y):
+            return y, True
+    return solved(found, p, s, here.y), False
 
 
 def _parts(values: np.ndarray, first: int, last: int, inner: Sequence[int]) -> np.ndarray:

@@ -49,11 +49,12 @@ NULL = 1e-11  # relative singular value that counts as zero at motions chosen at
 REAL = 1e-9
 
 # branch
-SMOOTH = 0.5  # of the way: how far from the foreseen place the next motion of a branch may be
+SMOOTH = 0.05  # of the way: how far from the foreseen place the next motion of a branch may be
 HALVED = 20  # times that the way to the next motion is halved, at most
 STEPS = 400  # of this way, at most
 LEAPS = 0.1  # of the way: a change that is left after these is no bend, and the branch has ended
 LITTLE = 0.02  # of the largest change: what an unknown may do that does not change
+HALF_KNOWN = 1e-3  # in the model's own units: a motion where branches meet is known so well
 ROUNDED_AWAY = 1e-5  # in the model's own units: a largest change below this is taken for so much
 
 # steady

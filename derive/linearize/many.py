@@ -72,10 +72,16 @@ def _followed(
         here, there = (_between(own, to, going, x) for x in (at[going], part))
         before = _with_inputs(problem, y[going], *there)
         slopes = _evaluated(problem, y[going], *here)[1]
-        ahead = before + _step(study, _evaluated(problem, before, *there)[0], slopes, there, rows)
-        found, stands = _newton(study, before, *there, rows)
+        shifted = _shifts(problem, y[going], here, there)
+        shifted += (slopes @ (before - y[going])[:, :, None])[:, :, 0]
+        ahead = before + _step(study, shifted, slopes, there, rows)
+        found, stands = _newton(study, ahead, *there, rows)
         shortest = step[going] <= 0.5**HALVED
         near = is_near(problem, found, ahead, before)
+        back = np.flatnonzero(shortest & ~(stands & near))  # the branch may bend there
+        if len(back):
+            p, s = (x[back] for x in there)
+            found[back], stands[back] = _newton(study, before[back], p, s, rows)
         goes_on = stands & (near | (shortest & bends(problem, found, before, y0)))
         y[going[goes_on]], at[going[goes_on]] = found[goes_on], part[goes_on]
         step[going] *= np.where(goes_on, 2.0, 0.5)
@@ -175,6 +181,19 @@ def _evaluated(
     nx = problem.equations.arguments[1].symbols.numel()
     R, J = columns_of(problem.function)(y[:, :nx].T, y[:, nx:].T, p.T, s.T)
     return R[:, 0].T, J.transpose(2, 0, 1)
+
+
+def _shifts(
+    problem: Problem,
+    y: np.ndarray,
+    here: tuple[np.ndarray, np.ndarray],
+    there: tuple[np.ndarray, np.ndarray],
+) -> np.ndarray:
+    """By how much the values that change shift the residuals, by their slopes here."""
+    nx = problem.equations.arguments[1].symbols.numel()
+    slopes = columns_of(problem.shifts)(y[:, :nx].T, y[:, nx:].T, here[0].T, here[1].T)[0]
+    change = np.hstack([x - x0 for x0, x in zip(here, there)])
+    return (slopes.transpose(2, 0, 1) @ change[:, :, None])[:, :, 0]
 
 
 def _worst(study: Study, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:

@@ -67,13 +67,17 @@ def foreseen(
     p: np.ndarray,
     s: np.ndarray,
 ) -> np.ndarray:
-    """Where the motion (p, s, y) goes by its slopes there when the values become these, whatever
-    its size: y − J⁻¹(p₀, s₀) R(p, s). Raises AssumptionError where it has no slopes."""
+    """Where the motion (p, s, y) goes by its slopes there when the values become these, however
+    far: y − J⁻¹ ∂R/∂(p, s) Δ(p, s). Raises AssumptionError where it has no slopes."""
     own_p, own_s, own = place
     y, free = with_inputs(found, own, p, s)
     D = found.scale
     J = _evaluated(found, found.function, own, own_p, own_s)[1]
-    R = _evaluated(found, found.function, y, p, s)[0]
+    nx = found.equations.arguments[1].symbols.numel()
+    shifts = np.asarray(found.shifts(own[:nx], own[nx:], own_p, own_s))
+    R = shifts @ np.append(p - own_p, s - own_s) + J @ (y - own)
+    if not np.all(np.isfinite(R)):
+        raise _singular(found)
     rows = row_sizes(found, J)
     return y + _step(R / rows, J * (free * D) / rows[:, None], D)
 

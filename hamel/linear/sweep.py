@@ -87,6 +87,11 @@ def swept(study: Study, ranges: Sequence[Range]) -> Sweep:
     return Sweep(names, values, spectra, (), labels, breaks)
 
 
+def _away(spectra: np.ndarray) -> np.ndarray:
+    """How far each row is from where branches meet."""
+    return np.min(np.abs(spectra), axis=1, initial=np.inf)
+
+
 def _label(study: Study, name: str) -> str:
     """A parameter, input, coordinate or velocity has a unit; other names of a steady motion none
     that is known."""
@@ -101,12 +106,16 @@ def _line(study: Study, along: Range) -> Sweep:
     )
     y = np.hstack([motions.x, motions.u])
 
+    spectra = eigenvalues(study.matrices(motions))
+    away = _away(spectra)
+
     def matrix(value: float) -> np.ndarray:
-        """From the nearest row: from further off, Newton's method may come to another branch."""
-        k = int(np.argmin(np.abs(along.values - value)))
+        """From the row beside that is further from where branches meet: from others, Newton's
+        method may come to another branch."""
+        beside = np.argsort(np.abs(along.values - value), kind="stable")[:2]
+        k = int(beside[np.argmax(away[beside])])
         return study.matrices(study.motions({along.name: [value]}, Place(p[k], s[k], y[k])))[0]
 
-    spectra = eigenvalues(study.matrices(motions))
     return Sweep(
         (along.name,),
         along.values[:, np.newaxis],

@@ -18,9 +18,11 @@ from codegen.reals import real_of
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.expressions.limits import objection
 from derive.formulations.frames import based
+from derive.formulations.records import Equations
 from derive.linearize.steady import motion_of
+from derive.linearize.study import study
 from derive.mechanics.records import System
-from derive.model.records import Model
+from derive.model.records import Model, SteadyMotion
 from derive.model.rows import components, is_reaction
 from derive.robots.reading import load
 from derive.states.many import least_of_bodies, starter
@@ -263,7 +265,8 @@ def _modes(model: Model, asked: Asked, made: Design, method: Method) -> Modes:
     if any(axis.name != "choice" for axis in made.methods):
         raise ModelError("eigenvalues depend on no method but the choice of quasi-velocities")
     system = mechanics_of(model)
-    motion = motion_of(based(equations_in(system, method.choice)), asked.at)
+    equations = based(equations_in(system, method.choice))
+    motion = motion_of(equations, asked.at)
     given = settings(model, _own(model, asked.values))
     values = {n: given.parameters[n] for n in asked.values if n in given.parameters}
     for name, text in asked.values.items():
@@ -275,8 +278,25 @@ def _modes(model: Model, asked: Asked, made: Design, method: Method) -> Modes:
             )
     first = {name: float(column[0]) for name, column in made.values(0, 1).items()}
     bodies = least_of_bodies(system)
-    work = Modes(model.text, model.file, method.choice, asked.at, {**values, **first}, bodies)
+    at = _followed_from(equations, motion, values, first)
+    work = Modes(model.text, model.file, method.choice, asked.at, at, bodies)
     return replace(work, artefact=in_lanes(work)) if made.per_method >= WORTH else work
+
+
+def _followed_from(
+    equations: Equations,
+    motion: SteadyMotion,
+    values: dict[str, float],
+    first: dict[str, float],
+) -> dict[str, float]:
+    """The values whose motion the others are followed from: those of the file, whatever the order
+    of a range; the first of each range where the file has none, or no motion is steady there."""
+    missing = {name: x for name, x in first.items() if name in motion.sweepable}
+    try:
+        study(equations, motion, missing | values)
+    except AssumptionError:
+        return values | first
+    return missing | values
 
 
 def _motions(

@@ -113,6 +113,29 @@ def test_a_branch_that_ends_is_said(tmp_path: Path) -> None:
     assert found.critical == ()
 
 
+# s = b and s = 0 pass through each other at b = 0; stable is s = b for b > 0.
+CROSSING = """
+model: crossing
+plane: xy
+parameters: {b: -1}
+bodies: {m: {mass: 1 kg, inertia: 1}}
+joints: {j: {type: revolute, parent: ground, child: m, coordinate: s}}
+loads:
+  f: {type: expression, joint: j, expression: "(1 N*m)*(b*s - s^2)"}
+  d: {type: damper, joint: j, coefficient: 0.1 N*m*s/rad}
+initial: {s: -1 rad}
+"""
+
+
+def test_branches_that_cross_are_not_mistaken_for_each_other(tmp_path: Path) -> None:
+    """Newton's method from the row before came to the branch that is nearer there."""
+    found = hamel.linearize(written(tmp_path, CROSSING), sweep={"b": "-1:1:4"})
+    assert abs(found.rows[-1]["eigenvalues"][0][1]) == pytest.approx(np.sqrt(1 - 0.05**2))
+    (zero, _) = found.critical
+    assert zero.value == pytest.approx(0.0, abs=1e-12)
+    assert found.stable == ((zero.value, 1.0),)
+
+
 def test_motions_made_at_once_do_not_leave_their_branch() -> None:
     """Newton's method alone came to the truss that has snapped through."""
     found = equations(system(load_text(TRUSS)))

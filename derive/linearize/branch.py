@@ -78,9 +78,9 @@ def bends(found: Problem, y: np.ndarray, before: np.ndarray, first: np.ndarray) 
 
 
 def _nearest(rows: np.ndarray, origin: np.ndarray) -> int:
-    """The row nearest to the origin, each value against the span of its column."""
+    """The row nearest to the origin, each value that varies against the span of its column."""
     span = np.ptp(rows, axis=0)
-    away = np.abs(rows - origin) / np.where(span > 0, span, 1.0)
+    away = np.abs(rows - origin)[:, span > 0] / span[span > 0]
     return int(np.argmin(np.max(away, axis=1, initial=0.0)))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from derive.linearize.branch import Place
 from derive.linearize.critical import Critical, critical_values
+from derive.linearize.records import Steady
 from derive.linearize.spectrum import eigenvalues, is_unstable
 from derive.linearize.study import Study
 from hamel.linear.ranges import Range
@@ -73,10 +74,7 @@ def swept(study: Study, ranges: Sequence[Range]) -> Sweep:
         return _line(study, ranges[0])
     outer, inner = ranges
     many = len(inner.values)
-    lines = [
-        study.motions({outer.name: np.full(many, x), inner.name: inner.values})
-        for x in outer.values
-    ]
+    lines = _lines(study, outer, inner)
     spectra = eigenvalues(np.concatenate([study.matrices(line) for line in lines]))
     breaks = tuple(i * many + k for i, line in enumerate(lines) for k in line.breaks)
     values = np.column_stack(
@@ -85,6 +83,34 @@ def swept(study: Study, ranges: Sequence[Range]) -> Sweep:
     names = (outer.name, inner.name)
     labels = tuple(_label(study, name) for name in names)
     return Sweep(names, values, spectra, (), labels, breaks)
+
+
+def _lines(study: Study, outer: Range, inner: Range) -> list[Steady]:
+    """The motions of a map, line by line from the one nearest to the motion that is studied. Each
+    is followed from the row of the line before that is furthest from where branches meet, of those
+    that are still on the branch."""
+    near = int(np.argmin(np.abs(outer.values - study.at[outer.name])))
+    rows = {near: int(np.argmin(np.abs(inner.values - study.at[inner.name])))}
+    origins, lines = {near: study.origin}, dict[int, Steady]()
+    for k in (*range(near, -1, -1), *range(near + 1, len(outer.values))):
+        values = {outer.name: np.full(len(inner.values), outer.values[k]), inner.name: inner.values}
+        line = lines[k] = study.motions(values, origins[k])
+        away = _away(eigenvalues(study.matrices(line)))
+        first, last = _unbroken(line, rows[k])
+        row = first + int(np.argmax(away[first:last]))
+        place = Place(
+            line.p[row], study.values(values)[1][row], np.append(line.x[row], line.u[row])
+        )
+        for beside in (k - 1, k + 1):
+            rows.setdefault(beside, row)
+            origins.setdefault(beside, place)
+    return [lines[k] for k in range(len(outer.values))]
+
+
+def _unbroken(line: Steady, row: int) -> tuple[int, int]:
+    """The rows around one that are of the same branch, the last of them excluded."""
+    ends = (0, *line.breaks, len(line.p))
+    return max(k for k in ends if k <= row), min(k for k in ends if k > row)
 
 
 def _away(spectra: np.ndarray) -> np.ndarray:

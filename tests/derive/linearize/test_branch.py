@@ -136,6 +136,18 @@ def test_branches_that_cross_are_not_mistaken_for_each_other(tmp_path: Path) -> 
     assert found.stable == ((zero.value, 1.0),)
 
 
+def test_a_map_stays_on_the_branch_and_says_where_it_ends(tmp_path: Path) -> None:
+    """The way straight to a row of the map may cross a fold that there is a way round."""
+    text = TRUSS.replace("length: 1.1 m", "length: 1.1*l").replace("F: 1 N,", "F: 1 N, l: 1 m,")
+    text = text.replace("[-1, 0]", "[-l, 0]").replace("[1, 0]", "[l, 0]")
+    path = written(tmp_path, text)
+    one = hamel.linearize(path, values={"l": 2.0, "y": 0.9}, sweep={"F": "0:6:7"})
+    both = hamel.linearize(path, sweep={"F": "0:6:7", "l": "1:2:3"})
+    wide = [row["eigenvalues"][0][1] for row in both.rows if row["l"] == 2.0]
+    assert wide == pytest.approx([row["eigenvalues"][0][1] for row in one.rows])
+    assert not one.breaks and both.breaks
+
+
 def test_motions_made_at_once_do_not_leave_their_branch() -> None:
     """Newton's method alone came to the truss that has snapped through."""
     found = equations(system(load_text(TRUSS)))

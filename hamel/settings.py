@@ -15,6 +15,7 @@ from derive.expressions.evaluate import number
 from derive.expressions.limits import objection
 from derive.expressions.mistakes import FormulaError
 from derive.expressions.parser import expression
+from derive.expressions.piece_order import value_of
 from derive.expressions.quantities import quantity
 from derive.expressions.quantities import unit as parsed_unit
 from derive.model.kinks import check_order
@@ -57,33 +58,19 @@ def _check_bodies(model: Model, changed: list[str], parameters: Mapping[str, flo
     moment is negative."""
     known = dict(parameters)
     for name, formula in model.definitions:
-        value = _value_of(formula, known)
+        value = value_of(formula, known)
         known |= {} if value is None else {name: value}
     for body in model.bodies:
         for what, formula in (
             ("mass", body.mass),
             *(("moment of inertia", moment) for moment in body.inertia[:3]),
         ):
-            value = _value_of(formula, known)
+            value = value_of(formula, known)
             if value is not None and value < 0.0:
                 given = ", ".join(f"{name} = {parameters[name]:g}" for name in changed)
                 raise ModelError(
                     f"with {given} the {what} of '{body.name}' is {value:g}, less than zero"
                 )
-
-
-def _value_of(formula: tree.Expression, known: Mapping[str, float]) -> float | None:
-    """The value of a formula of known names; None where it uses others, or has none."""
-    nodes = list(tree.walk(formula))
-    if any(
-        isinstance(node, tree.Rate) or (isinstance(node, tree.Name) and node.name not in known)
-        for node in nodes
-    ):
-        return None
-    try:
-        return number(formula, known)
-    except FormulaError:
-        return None
 
 
 def units(model: Model) -> dict[str, str]:

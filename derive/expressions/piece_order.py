@@ -63,8 +63,19 @@ def _known(
 ) -> Iterator[tuple[int, float, int]]:
     """Which arguments have values, these, and where they stand in the text."""
     for place, argument in enumerate(arguments):
-        if all(_is_known(node, names) for node in tree.walk(argument)):
-            yield place, number(argument, names), argument.at
+        value = value_of(argument, names)
+        if value is not None:
+            yield place, value, argument.at
+
+
+def value_of(formula: tree.Expression, names: Mapping[str, float]) -> float | None:
+    """The value of a formula of these names; None where it uses others, or has none."""
+    if not all(_is_known(node, names) for node in tree.walk(formula)):
+        return None
+    try:
+        return number(formula, names)
+    except FormulaError:
+        return None
 
 
 def _is_known(node: tree.Expression, names: Mapping[str, float]) -> bool:

@@ -9,9 +9,8 @@ from typing import Any
 
 from derive.diagnostics import ModelError
 from derive.expressions import tree
-from derive.expressions.evaluate import number
 from derive.expressions.mistakes import FormulaError
-from derive.expressions.piece_order import check_pieces
+from derive.expressions.piece_order import check_pieces, value_of
 from derive.model.load_records import Contact, JointFriction
 from derive.model.records import Model, Span
 
@@ -73,16 +72,29 @@ def are_constraints_in_pieces(model: Model) -> bool:
 def check_order(model: Model, values: Mapping[str, float]) -> None:
     """Raises ModelError where bounds, places or widths are not in order at these values of the
     parameters, nor what makes friction smooth."""
+    known = _with_definitions(model, values)
     for load in model.loads:
-        if isinstance(load, JointFriction | Contact) and number(load.smoothing, values) <= 0.0:
-            message = f"the smoothing of '{load.name}' is {number(load.smoothing, values):g}"
+        width = (
+            value_of(load.smoothing, known) if isinstance(load, JointFriction | Contact) else None
+        )
+        if width is not None and width <= 0.0:
+            message = f"the smoothing of '{load.name}' is {width:g}"
             raise ModelError(model.diagnostic(load.span, message, "more than zero"))
     for call, _, span in _calls(model, (*MOVING, "outputs")):
         try:
-            check_pieces(call, values)
+            check_pieces(call, known)
         except FormulaError as error:
             message, expected, _ = error.detail
             raise ModelError(model.diagnostic(span, message, expected)) from error
+
+
+def _with_definitions(model: Model, values: Mapping[str, float]) -> dict[str, float]:
+    """The values, and those of the definitions that they decide."""
+    known = dict(values)
+    for name, formula in model.definitions:
+        value = value_of(formula, known)
+        known |= {} if value is None else {name: value}
+    return known
 
 
 def _compared(

@@ -88,3 +88,15 @@ def test_fixed_values_are_looked_at_again(tmp_path: Path) -> None:
     ):
         with pytest.raises(ModelError, match=message):
             hamel.build(path, out=tmp_path / "out", fix={name: value})
+
+
+def test_definitions_are_known_where_values_are_set(tmp_path: Path) -> None:
+    """A width by a definition was an internal error where anything was set."""
+    path = tmp_path / "slider.yaml"
+    defined = text("(1 N)*step(x, v)").replace("smoothing: c", "smoothing: s")
+    path.write_text(defined + "where: {v: 2*w, s: 2*c, far: x + w}\n")
+    hamel.simulate(path, time=0.1, values={"lo": 0.5})
+    with pytest.raises(ModelError, match=r"width of step\(\) is 0"):
+        hamel.simulate(path, time=0.1, values={"w": 0.0})
+    with pytest.raises(ModelError, match="smoothing of 'R' is 0"):
+        hamel.simulate(path, time=0.1, values={"c": 0.0})

@@ -1,8 +1,8 @@
 """What functions in pieces take for granted: widths of more than nothing, bounds and places in
 order.
 
-Without a width a step is a quotient by zero, which is folded into the piece of one side; bounds in
-the wrong order leave it to each kind of number which one counts.
+With a width of zero a step is a quotient by zero, which is folded into the piece of one side;
+bounds in the wrong order leave it to each kind of number which one counts.
 """
 
 from __future__ import annotations

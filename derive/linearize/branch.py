@@ -63,18 +63,18 @@ def family(found: Problem, origin: Place, p: np.ndarray, s: np.ndarray) -> Stead
 def is_near(found: Problem, y: np.ndarray, ahead: np.ndarray, before: np.ndarray) -> np.ndarray:
     """Whether y is near where it was foreseen when the branch goes on from `before`: then it is on
     it. One motion, or rows of them."""
-    change, off = moved(found, before, y), moved(found, ahead, y)
+    change, off = _moved(found, before, y), _moved(found, ahead, y)
     nq = found.equations.system.q.numel()
     size = np.max(np.abs(before / found.scale)[..., :nq], axis=-1, keepdims=True, initial=0.0)
     leaps = np.any(change[..., :nq] > LEAP * (1.0 + size), axis=-1)
-    return np.all(off <= SMOOTH * roomy(change), axis=-1) & ~leaps
+    return np.all(off <= SMOOTH * _roomy(change), axis=-1) & ~leaps
 
 
 def bends(found: Problem, y: np.ndarray, before: np.ndarray, first: np.ndarray) -> np.ndarray:
     """Whether the shortest step came no further than round a bend, as into a fork: it changes
     little against the way from the first motion. One that changes as much is on another branch."""
-    way = np.maximum(moved(found, before, first), moved(found, y, first))
-    return np.all(moved(found, before, y) <= np.maximum(LEAPS * roomy(way), HALF_KNOWN), axis=-1)
+    way = np.maximum(_moved(found, before, first), _moved(found, y, first))
+    return np.all(_moved(found, before, y) <= np.maximum(LEAPS * _roomy(way), HALF_KNOWN), axis=-1)
 
 
 def _nearest(rows: np.ndarray, origin: np.ndarray) -> int:
@@ -84,12 +84,12 @@ def _nearest(rows: np.ndarray, origin: np.ndarray) -> int:
     return int(np.argmin(np.max(away, axis=1, initial=0.0)))
 
 
-def moved(found: Problem, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _moved(found: Problem, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """By how much each unknown differs, in the model's own units; of a motion, or of rows."""
     return np.abs(one - other) / found.scale
 
 
-def roomy(change: np.ndarray) -> np.ndarray:
+def _roomy(change: np.ndarray) -> np.ndarray:
     """Each change, and a little of the largest for those that happen to be none; more than what
     rounding makes."""
     return change + LITTLE * np.max(change, axis=-1, keepdims=True, initial=ROUNDED_AWAY)

@@ -10,7 +10,7 @@ import numpy as np
 from peers import ours, pinocchio
 from peers.contest import Contender
 
-from derive.mechanics.regressor import groups
+from derive.mechanics.regression.regressor import groups
 
 PARAMETERS = 10  # of each body, in the same order on both sides
 

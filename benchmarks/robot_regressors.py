@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from derive.formulations.records import Equations, Function
-from derive.mechanics.regressor import INERTIAL, parameters
+from derive.mechanics.regression.regressor import INERTIAL, parameters
 from derive.robots.rotations import unit, whole_degrees
 
 Note = Callable[[str, np.ndarray, np.ndarray], None]

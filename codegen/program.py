@@ -3,7 +3,7 @@ language.
 
 An expression is a local name (str), a number (float) or a tuple (operation, operand, …) of
 expressions. The operations are add, sub, mul, div, neg and the calls listed in
-`codegen.passes.graph.CALLS`.
+`codegen.passes.rewriting.graph.CALLS`.
 """
 
 from __future__ import annotations

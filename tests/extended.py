@@ -41,7 +41,7 @@ class Simulator:
         enforcements: tuple[str, ...],
     ) -> None:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("codegen.passes.improve.LONGEST_FUNCTION", 0)  # in a hurry
+            patch.setattr("codegen.passes.rewriting.improve.LONGEST_FUNCTION", 0)  # in a hurry
             made = program(found, functions, integrators, enforcements)
         self.program = replace(
             made,

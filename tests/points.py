@@ -139,7 +139,7 @@ def quickly_built(
     """Compiled in a hurry: these motions are short, and few calls go through Python."""
     with pytest.MonkeyPatch.context() as patch, unoptimised():
         patch.setattr(
-            "codegen.passes.improve.LONGEST_FUNCTION", 0
+            "codegen.passes.rewriting.improve.LONGEST_FUNCTION", 0
         )  # operations above which a function is improved once only
         patch.setattr(compiler, "headers", list)
         return loader.load(

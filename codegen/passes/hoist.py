@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from codegen.passes.lower import Code, Lowered, Operand
+from codegen.passes.rewriting.lower import Code, Lowered, Operand
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codegen.passes.split import is_long
+from codegen.passes.folding.split import is_long
 from codegen.program import CHART, Expression, Kernel, Program, Rolled, Section
 
 DYNAMICS = "dynamics"

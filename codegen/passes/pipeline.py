@@ -9,20 +9,20 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 
 from codegen.passes import hoist as parameters
-from codegen.passes.graph import Mark
+from codegen.passes.folding.roll import AUTO, NEVER, WORTH_LANES, is_sure, refusal, rolled
+from codegen.passes.folding.split import is_long, split
 from codegen.passes.hoist import hoist
-from codegen.passes.improve import Candidate, count, improve, used_operations
 from codegen.passes.initial import initial
 from codegen.passes.lanes import BATCHED, DYNAMICS, is_wide
-from codegen.passes.lower import Lowered
 from codegen.passes.names import Names, identifier
-from codegen.passes.roll import AUTO, NEVER, WORTH_LANES, is_sure, refusal, rolled
+from codegen.passes.rewriting.graph import Mark
+from codegen.passes.rewriting.improve import Candidate, count, improve, used_operations
+from codegen.passes.rewriting.lower import Lowered
+from codegen.passes.rewriting.trace import Tape, record
 from codegen.passes.schedule import schedule
 from codegen.passes.selection import chart_suffix, contents, spelled_out
-from codegen.passes.split import is_long, split
 from codegen.passes.steppers import with_steppers
 from codegen.passes.taylor import SERIES, check_series, series_refusal
-from codegen.passes.trace import Tape, record
 from codegen.passes.turns import turns
 from codegen.passes.watch import watch
 from codegen.program import (

@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from codegen.passes.graph import Mark
-from codegen.passes.lower import Code, Lowered, Operand, Operation
+from codegen.passes.rewriting.graph import Mark
+from codegen.passes.rewriting.lower import Code, Lowered, Operand, Operation
 from codegen.program import Expression, Load, Section, Statement
 
 TURNS = "angles: their sines and cosines, all together"

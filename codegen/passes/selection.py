@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from codegen.integrators import AUTO, AUTOMATIC, INTEGRATORS
-from codegen.passes.roll import NEVER, refusal
+from codegen.passes.folding.roll import NEVER, refusal
 from codegen.program import CHART
 from derive.diagnostics import AssumptionError, HamelError
 from derive.enforcement import ENFORCEMENTS

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
-from codegen.passes.trace import Tape
+from codegen.passes.rewriting.trace import Tape
 
 Shift = dict[int, float]  # the a_i that are not zero
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from codegen.passes.lower import Code, Lowered
+from codegen.passes.rewriting.lower import Code, Lowered
 
 LOST, NAN, BOTH = range(3)  # of a value that is not finite: what of it certainly shows in a result
 

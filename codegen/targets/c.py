@@ -13,6 +13,7 @@ from typing import Any
 
 from codegen import text
 from codegen.passes.angles import Turn, spelled, spelled_sums, turns
+from codegen.passes.folding.split import Part, names, split
 from codegen.passes.lanes import (
     CONSTRAINTS,
     DYNAMICS,
@@ -28,7 +29,6 @@ from codegen.passes.lanes import (
     side_by_side,
     stack_lanes,
 )
-from codegen.passes.split import Part, names, split
 from codegen.program import (
     BASE,
     PREVIOUS,

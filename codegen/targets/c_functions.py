@@ -10,10 +10,10 @@ from itertools import pairwise
 
 from codegen import text
 from codegen.limits import MANY_RESULTS
+from codegen.passes.folding.split import Copy, Part, names, split
 from codegen.passes.lanes import (
     is_stepped,
 )
-from codegen.passes.split import Copy, Part, names, split
 from codegen.program import (
     Expression,
     Kernel,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from codegen import text
-from codegen.passes.split import split
+from codegen.passes.folding.split import split
 from codegen.program import Kernel, Program
 from codegen.targets.records import Target, plain_sources
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from codegen import text
 from codegen.integrators import ROSENBROCK
+from codegen.passes.folding.split import Part, split
 from codegen.passes.lanes import is_batched
-from codegen.passes.split import Part, split
 from codegen.program import PREVIOUS, Kernel, Program
 from codegen.targets.records import Target
 from codegen.targets.repeated import Again, again, varying

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from codegen.limits import MANY_RESULTS
-from codegen.passes.split import is_long
+from codegen.passes.folding.split import is_long
 from codegen.program import Kernel, Program
 
 # entries of the state up to which matrices of derivatives are made for a target

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from codegen import text
-from codegen.passes.split import Part
-from codegen.passes.tables import Column, Repeat
+from codegen.passes.folding.split import Part
+from codegen.passes.folding.tables import Column, Repeat
 
 SHORT = 32_768  # places below it are written as short numbers
 

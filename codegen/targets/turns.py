@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from codegen import text
+from codegen.passes.folding.split import names
 from codegen.passes.schedule import TURNS
-from codegen.passes.split import names
 from codegen.program import Expression, Section, Statement
 
 

@@ -24,8 +24,9 @@ from derive.choices.walk import (
     walked,
 )
 from derive.expressions.scalars import Scalar
-from derive.mechanics.forms import ONE, Form, Key, constant, value
-from derive.mechanics.motion import (
+from derive.mechanics.records import Carried, Link, RowForm, System
+from derive.mechanics.recursions.forms import ONE, Form, Key, constant, value
+from derive.mechanics.recursions.motion import (
     STILL,
     Numbers,
     Twist,
@@ -35,7 +36,6 @@ from derive.mechanics.motion import (
     velocity_products,
     with_products,
 )
-from derive.mechanics.records import Carried, Link, RowForm, System
 from derive.states.sampling import States
 
 

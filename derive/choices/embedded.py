@@ -3,7 +3,8 @@
 Where each loop shares links with the one before it, what closes the last depends on all
 quasi-velocities: S is full below its diagonal, and Sᵀ M S takes the square of their number to be
 written and the cube to be solved. Neither is needed where joints of its own close each loop: v and
-σ follow from base to tip with the values of w, and ẇ from the sweep of derive.mechanics.embedding.
+σ follow from base to tip with the values of w, and ẇ from the sweep of
+derive.mechanics.recursions.embedding.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from derive.choices.walk import Dependent, Step, Undetermined, is_single, unknow
 from derive.expressions.counting import alternatives, operations
 from derive.expressions.deferred import Deferred
 from derive.expressions.scalars import Scalar, Vector
-from derive.mechanics.embedding import Embedded, Pivots, embedded
-from derive.mechanics.gauss import is_of_links
+from derive.mechanics.elimination.gauss import is_of_links
+from derive.mechanics.elimination.solve import scalars
 from derive.mechanics.records import RowForm, System
-from derive.mechanics.solve import scalars
+from derive.mechanics.recursions.embedding import Embedded, Pivots, embedded
 
 
 def has_overlapping_loops(

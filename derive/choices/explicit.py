@@ -24,14 +24,14 @@ from derive.expressions.counting import alternatives, instructions
 from derive.expressions.deferred import Deferred, Term, is_deferred, passed_on
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import dot, minus, plus
-from derive.mechanics.articulated import Motions, motions_of, tree_solution
-from derive.mechanics.forms import Form
-from derive.mechanics.inverse_dynamics import joint_forces_of_motion
-from derive.mechanics.layouts import layouts
-from derive.mechanics.motion import Numbers
+from derive.mechanics.elimination.solve import ldl_solution, scalars
+from derive.mechanics.inverse.dynamics import joint_forces_of_motion
+from derive.mechanics.inverse.layouts import layouts
 from derive.mechanics.records import Carried, Inertia, Named, System
-from derive.mechanics.solve import ldl_solution, scalars
-from derive.mechanics.tree import (
+from derive.mechanics.recursions.articulated import Motions, motions_of, tree_solution
+from derive.mechanics.recursions.forms import Form
+from derive.mechanics.recursions.motion import Numbers
+from derive.mechanics.recursions.tree import (
     Wrench,
     gravities,
     ground_rotations,

@@ -29,7 +29,7 @@ from derive.choices.survey import Survey
 from derive.expressions.counting import operations
 from derive.expressions.deferred import Deferred
 from derive.expressions.scalars import Vector
-from derive.mechanics.gauss import held_tree, is_of_links, velocities_alone
+from derive.mechanics.elimination.gauss import held_tree, is_of_links, velocities_alone
 from derive.mechanics.records import RowForm, System
 
 

@@ -20,8 +20,8 @@ from derive.choices.survey import Survey, direction_names
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
 from derive.expressions.scalars import Vector
+from derive.mechanics.elimination.solve import ldl_solution, scalars
 from derive.mechanics.records import System
-from derive.mechanics.solve import ldl_solution, scalars
 from derive.model.records import Choice, Span
 
 

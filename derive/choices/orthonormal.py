@@ -23,8 +23,8 @@ from derive.choices.reduction import Reduction, symbols_for
 from derive.choices.survey import Survey, direction_names
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import dot, is_zero, minus
+from derive.mechanics.elimination.solve import ldl_solution, scalars
 from derive.mechanics.records import System
-from derive.mechanics.solve import ldl_solution, scalars
 from derive.states.closing import Kinematics
 from derive.states.sampling import States
 

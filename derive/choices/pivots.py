@@ -14,9 +14,9 @@ from derive.choices.records import Guard
 from derive.choices.reduction import Reduction
 from derive.choices.survey import Survey
 from derive.expressions.scalars import Scalar, Vector
+from derive.mechanics.elimination.pivoting import sparse_pivot_order
+from derive.mechanics.elimination.solve import Block, lu_solution, sparse_rows
 from derive.mechanics.limits import COFACTORS
-from derive.mechanics.pivoting import sparse_pivot_order
-from derive.mechanics.solve import Block, lu_solution, sparse_rows
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,9 @@ from derive.choices.walk import Coefficients, Step
 from derive.expressions.scalars import Matrix, Scalar
 from derive.joints.rotations import rotated as turned_vector
 from derive.joints.rotations import transpose
-from derive.mechanics.forms import Form, rotated
 from derive.mechanics.limits import COFACTORS
 from derive.mechanics.records import Carried, Numbers, RowForm, System
+from derive.mechanics.recursions.forms import Form, rotated
 from derive.states.sampling import States
 
 

@@ -20,8 +20,8 @@ import numpy as np
 from derive.choices.limits import ALMOST, DEPENDENT, LOOKED_AT, SHORT_ROW, TAKES_PART
 from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Scalar, Vector
+from derive.mechanics.elimination.solve import ldl_solution, scalars
 from derive.mechanics.records import Row, RowForm, System
-from derive.mechanics.solve import ldl_solution, scalars
 
 
 @dataclass(frozen=True)

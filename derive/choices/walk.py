@@ -13,9 +13,12 @@ import numpy as np
 from derive.choices.limits import CHAINED, NO_PIVOT
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
-from derive.mechanics.forms import Form, Key, constant, total
+from derive.mechanics.elimination.pivoting import Table
+from derive.mechanics.elimination.solve import Block, reflected_solution, small_inverse
 from derive.mechanics.limits import COFACTORS, SAFE, VANISHES
-from derive.mechanics.motion import (
+from derive.mechanics.records import Carried, Link, RowForm, System
+from derive.mechanics.recursions.forms import Form, Key, constant, total
+from derive.mechanics.recursions.motion import (
     REST,
     Twist,
     joint_part,
@@ -24,10 +27,7 @@ from derive.mechanics.motion import (
     shifted,
     twist,
 )
-from derive.mechanics.pivoting import Table
-from derive.mechanics.records import Carried, Link, RowForm, System
-from derive.mechanics.solve import Block, reflected_solution, small_inverse
-from derive.mechanics.tree import path
+from derive.mechanics.recursions.tree import path
 from derive.states.sampling import States
 
 

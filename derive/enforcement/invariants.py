@@ -18,7 +18,7 @@ from derive.enforcement.records import Enforcement, Options
 from derive.expressions.any_piece import on_any_piece
 from derive.formulations.manifold import keeps_velocities
 from derive.formulations.records import Equations, Function, Request, Result
-from derive.mechanics.solve import ldl_solution, scalars
+from derive.mechanics.elimination.solve import ldl_solution, scalars
 
 ABOUT = "constraints and invariants for the projection on them: [g, G W⁻¹ Gᵀ, W⁻¹ Gᵀ] row by row"
 

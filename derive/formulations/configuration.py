@@ -21,8 +21,8 @@ from derive.formulations.limits import TINY
 from derive.formulations.records import Argument, Function, Request, Result
 from derive.joints.ball import quaternion_rates
 from derive.joints.rotations import dot
+from derive.mechanics.elimination.solve import scalars, small_inverse
 from derive.mechanics.records import System
-from derive.mechanics.solve import scalars, small_inverse
 
 
 def is_plain(system: System) -> bool:

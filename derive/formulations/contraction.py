@@ -22,9 +22,9 @@ import casadi as ca
 from derive.expressions.scalars import Vector
 from derive.formulations.motion import Motion, at_motion, is_unit
 from derive.formulations.structured.factors import column, entries
-from derive.mechanics.inverse_dynamics import joint_forces_of_motion
+from derive.mechanics.elimination.solve import ldl_solution, scalars
+from derive.mechanics.inverse.dynamics import joint_forces_of_motion
 from derive.mechanics.records import System
-from derive.mechanics.solve import ldl_solution, scalars
 from derive.mechanics.system import inertial_forces
 
 

@@ -28,9 +28,9 @@ from derive.formulations.motion import (
 )
 from derive.formulations.records import Argument, Function, Request, Result
 from derive.mechanics.analytic import turned
-from derive.mechanics.coriolis import coriolis_matrix
+from derive.mechanics.elimination.solve import scalars
 from derive.mechanics.records import System
-from derive.mechanics.solve import scalars
+from derive.mechanics.recursions.coriolis import coriolis_matrix
 from derive.mechanics.system import inertial_forces
 
 PARTIAL = "partial velocities S of v = S w + R c, nv × nw"

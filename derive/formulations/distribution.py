@@ -19,8 +19,8 @@ from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.formulations.limits import SAMPLES
 from derive.formulations.motion import Motion
 from derive.joints.rotations import dot, is_zero, transpose
+from derive.mechanics.elimination.solve import ldl_solution, scalars, small_inverse
 from derive.mechanics.records import System
-from derive.mechanics.solve import ldl_solution, scalars, small_inverse
 from derive.states.sampling import states
 
 

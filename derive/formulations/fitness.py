@@ -18,8 +18,8 @@ from derive.diagnostics import AssumptionError, listed
 from derive.formulations.dependence import dependent_joints
 from derive.formulations.limits import MASSLESS, NULL, TAKES_PART
 from derive.joints.rotations import is_zero
+from derive.mechanics.elimination.solve import scalars
 from derive.mechanics.records import System
-from derive.mechanics.solve import scalars
 
 Misfit = Callable[[Survey], str]
 INERTIA = (

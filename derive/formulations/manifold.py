@@ -13,8 +13,8 @@ from derive.expressions.scalars import Scalar, Vector
 from derive.formulations.multipliers import bordered_solution
 from derive.formulations.records import Argument, Equations, Function, Pattern, Request, Result
 from derive.joints.rotations import dot, is_zero
+from derive.mechanics.elimination.solve import scalars
 from derive.mechanics.kinks import kinks
-from derive.mechanics.solve import scalars
 
 CLOSURE = (
     "position constraints with Jacobian: [ψ, ∂ψ/∂q] row by row, ψ = independent φ and "

@@ -10,7 +10,7 @@ import casadi as ca
 
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import dot, minus
-from derive.mechanics.solve import SparseRow, ldl_solution, sparse_rows
+from derive.mechanics.elimination.solve import SparseRow, ldl_solution, sparse_rows
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,10 @@ from derive.choices.records import Guard
 from derive.expressions.scalars import Vector
 from derive.formulations.motion import Motion, at_motion
 from derive.formulations.records import Family, Function, Result
-from derive.mechanics import named_frames as mechanics
-from derive.mechanics.named_frames import FrameChain, frame_chain, place_of
+from derive.mechanics.elimination.solve import scalars
+from derive.mechanics.geometry import named_frames as mechanics
+from derive.mechanics.geometry.named_frames import FrameChain, frame_chain, place_of
 from derive.mechanics.records import System
-from derive.mechanics.solve import scalars
 from derive.model.mechanism.named_frames import frame_named
 
 _WRITTEN = {

@@ -25,11 +25,11 @@ from derive.formulations.limits import (
 from derive.formulations.motion import Motion, at_motion, guards_of, labels_of_state
 from derive.formulations.multipliers import least_change
 from derive.formulations.records import Function, Iteration, Result
-from derive.mechanics.gauss import held_tree, is_of_links, velocities_alone
-from derive.mechanics.inverse_dynamics import joint_forces_of_motion
-from derive.mechanics.motion import row_number
+from derive.mechanics.elimination.gauss import held_tree, is_of_links, velocities_alone
+from derive.mechanics.inverse.dynamics import joint_forces_of_motion
 from derive.mechanics.records import System
-from derive.mechanics.tree import twists
+from derive.mechanics.recursions.motion import row_number
+from derive.mechanics.recursions.tree import twists
 from derive.numerics import NONZERO
 from derive.states.closing import Kinematics, nominal
 from derive.states.initial import initial_state

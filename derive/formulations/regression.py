@@ -14,9 +14,9 @@ import casadi as ca
 from derive.diagnostics import AssumptionError, listed
 from derive.formulations.motion import Minimal, Motion, at_motion, per_second
 from derive.formulations.records import Argument, Function, Request, Result
-from derive.mechanics import regressor as mechanics
 from derive.mechanics.records import System
-from derive.mechanics.regressor import parameter_values, parameters
+from derive.mechanics.regression import regressor as mechanics
+from derive.mechanics.regression.regressor import parameter_values, parameters
 
 REGRESSOR = "Y, nv × np: inverse_dynamics = Y standard_parameters + regressor_rest, from (q, v, v̇)"
 REST = "what of inverse_dynamics no standard parameter has: springs, forces, given energies"

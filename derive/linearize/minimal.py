@@ -22,8 +22,8 @@ from derive.expressions.scalars import Vector
 from derive.formulations.records import Argument, Equations, Function, Request, Result
 from derive.linearize.limits import MANY, MINIMAL_NEAR, SPARED, WEAK
 from derive.linearize.records import Linear
+from derive.mechanics.elimination.solve import Block, lu_solution, scalars
 from derive.mechanics.records import System
-from derive.mechanics.solve import Block, lu_solution, scalars
 from derive.numerics import refuses_numerically
 from derive.states.initial import initial_state
 

@@ -43,8 +43,8 @@ from derive.mechanics.blocks import blocks
 from derive.mechanics.constraints.rolling import wheel_of
 from derive.mechanics.links import NOTHING, ORIGIN, moved, regrouped
 from derive.mechanics.records import Carried, Link, Place, Spinless
+from derive.mechanics.recursions.tree import twists
 from derive.mechanics.scene import Scene
-from derive.mechanics.tree import twists
 from derive.model.constraint_records import Rolling
 from derive.model.records import Joint
 

@@ -10,9 +10,9 @@ import casadi as ca
 from derive.expressions.scalars import Scalar, Vector
 from derive.mechanics.analytic import Lagrangian
 from derive.mechanics.loads import Loads
+from derive.mechanics.recursions.tree import gravity_energy, kinetic_energy
 from derive.mechanics.scene import Scene
 from derive.mechanics.states import energy_of_states
-from derive.mechanics.tree import gravity_energy, kinetic_energy
 
 
 @dataclass(frozen=True)

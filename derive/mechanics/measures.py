@@ -31,14 +31,14 @@ from derive.joints.rotations import (
     sum_of,
     transpose,
 )
-from derive.mechanics.frames import angular_velocity, carrier_in_plane, ground_rotation
-from derive.mechanics.named_frames import place_of
+from derive.mechanics.geometry.frames import angular_velocity, carrier_in_plane, ground_rotation
+from derive.mechanics.geometry.named_frames import place_of
+from derive.mechanics.geometry.paths import path_length
 from derive.mechanics.outputs import planar_angle
-from derive.mechanics.paths import path_length
 from derive.mechanics.records import Place
+from derive.mechanics.recursions.tree import ground_point, link_point, relative_rotation
 from derive.mechanics.scene import NORMAL, NOTHING, Scene
 from derive.mechanics.symbols import define
-from derive.mechanics.tree import ground_point, link_point, relative_rotation
 from derive.model.mechanism.named_frames import carrier
 from derive.model.records import Measure
 

@@ -10,8 +10,8 @@ from derive.expressions.tree import Call, Name, Vector
 from derive.joints.records import Rotation, Turn
 from derive.joints.rotations import dot, matrix, merged
 from derive.mechanics.records import Place
+from derive.mechanics.recursions.tree import ground_point, relative_rotation
 from derive.mechanics.scene import IN_PLANE, NORMAL, Scene
-from derive.mechanics.tree import ground_point, relative_rotation
 from derive.model.records import Output
 from derive.model.rows import row_names
 

@@ -21,7 +21,7 @@ from derive.mechanics.symbols import Symbols
 from derive.model.records import FirstOrderState, Model, Parameter
 
 if TYPE_CHECKING:
-    from derive.mechanics.layouts import Layout
+    from derive.mechanics.inverse.layouts import Layout
 
 Numbers = tuple[Vector, Vector]  # a twist (ω, v)
 

@@ -12,10 +12,9 @@ import casadi as ca
 from derive.diagnostics import AssumptionError
 from derive.expressions.scalars import Vector
 from derive.mechanics.limits import DEEP, DEEP_IN_PLANE
-from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import Link, Place, Row, RowForm, Spinless
-from derive.mechanics.symbols import Symbols
-from derive.mechanics.tree import (
+from derive.mechanics.recursions.motion import STILL, Numbers, child_numbers
+from derive.mechanics.recursions.tree import (
     Positions,
     Rotations,
     ground_positions,
@@ -26,6 +25,7 @@ from derive.mechanics.tree import (
     rotations_on,
     twists,
 )
+from derive.mechanics.symbols import Symbols
 from derive.model.records import (
     Model,
 )

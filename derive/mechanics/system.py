@@ -20,14 +20,16 @@ from derive.mechanics.blocks import blocks
 from derive.mechanics.carriers import carried
 from derive.mechanics.energies import Energies
 from derive.mechanics.events import events
-from derive.mechanics.forms import ONE, Form
-from derive.mechanics.inverse_dynamics import joint_forces_of_motion
-from derive.mechanics.layouts import layouts
+from derive.mechanics.inverse.dynamics import joint_forces_of_motion
+from derive.mechanics.inverse.layouts import layouts
 from derive.mechanics.limits import DEEP_IN_PLANE, FEW, LONG, MOST_ENTRIES, REGULAR
 from derive.mechanics.links import links_and_places, regrouped
 from derive.mechanics.loads import Loads, applied, armatures, by_links
 from derive.mechanics.measures import with_measures
-from derive.mechanics.motion import (
+from derive.mechanics.outputs import outputs
+from derive.mechanics.records import Inertia, Link, RowForm, System
+from derive.mechanics.recursions.forms import ONE, Form
+from derive.mechanics.recursions.motion import (
     REST,
     Numbers,
     Twist,
@@ -39,12 +41,10 @@ from derive.mechanics.motion import (
     velocity_products,
     with_products,
 )
-from derive.mechanics.outputs import outputs
-from derive.mechanics.records import Inertia, Link, RowForm, System
+from derive.mechanics.recursions.tree import mass_matrix, path, row_forces
 from derive.mechanics.scene import Block, Scene
 from derive.mechanics.states import rates_of_states
 from derive.mechanics.symbols import Symbols, symbols
-from derive.mechanics.tree import mass_matrix, path, row_forces
 from derive.model.load_records import Exhaust
 from derive.model.records import Model
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from derive.diagnostics import HamelError
 from derive.mechanics.records import System
+from derive.mechanics.recursions.tree import nearest_carrier
 from derive.mechanics.system import ideal_system
-from derive.mechanics.tree import nearest_carrier
 from derive.model.records import Closure
 from derive.model.rows import closure_parts
 from derive.states.closing import Kinematics, closed, nominal

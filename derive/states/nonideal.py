@@ -18,9 +18,9 @@ import numpy as np
 from derive.diagnostics import AssumptionError, Diagnostic
 from derive.expressions.deferred import Deferred, changed, is_deferred
 from derive.expressions.scalars import Vector
-from derive.mechanics.pivoting import pivot_order
+from derive.mechanics.elimination.pivoting import pivot_order
+from derive.mechanics.elimination.solve import ldl_solution, lu_solution, scalars
 from derive.mechanics.records import Named, System
-from derive.mechanics.solve import ldl_solution, lu_solution, scalars
 from derive.mechanics.system import ideal_system
 from derive.model.memory import without_collections
 from derive.model.records import Model

@@ -14,8 +14,8 @@ from derive.formulations.records import Equations
 from derive.textbook.derivation import derivation
 from derive.textbook.records import Law, Printed
 from derive.textbook.roads import ROADS
-from derive.textbook.write_html import page
-from derive.textbook.write_latex import article
+from derive.textbook.writing.html import page
+from derive.textbook.writing.latex import article
 
 __all__ = ["ROADS", "html", "latex", "laws", "printed"]
 

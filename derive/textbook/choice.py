@@ -10,8 +10,8 @@ import sympy
 
 from derive.choices.records import Guard
 from derive.model.constraint_records import Rolling
-from derive.textbook.compose import operations
-from derive.textbook.layout import Rows, ends, identity, sum_of
+from derive.textbook.formulas.compose import operations
+from derive.textbook.formulas.layout import Rows, ends, identity, sum_of
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
 from derive.textbook.records import Math, Run, Runs, Text

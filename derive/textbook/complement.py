@@ -13,7 +13,7 @@ import casadi as ca
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import cross
 from derive.mechanics.records import Link, System
-from derive.mechanics.tree import twists
+from derive.mechanics.recursions.tree import twists
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
 

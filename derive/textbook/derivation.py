@@ -11,7 +11,7 @@ from derive.formulations.records import Equations
 from derive.textbook.choice import choice
 from derive.textbook.constraints import constraints
 from derive.textbook.energy import energies, power
-from derive.textbook.given import given
+from derive.textbook.given.model import given
 from derive.textbook.inverse import directions
 from derive.textbook.kinematics import components, coordinates, links
 from derive.textbook.linear import linearised

@@ -9,7 +9,7 @@ import casadi as ca
 import sympy
 
 from derive.textbook.forces import column_bias, column_force
-from derive.textbook.layout import Rows, sum_of
+from derive.textbook.formulas.layout import Rows, sum_of
 from derive.textbook.manuscript import Manuscript
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import sympy
 
-from derive.mechanics.tree import kinetic_energy
+from derive.mechanics.recursions.tree import kinetic_energy
 from derive.model.load_records import BallSpring, Bushing, Contact, JointSpring, PointSpring
 from derive.textbook.kinematics import components_of, numbers_in_symbols
 from derive.textbook.manuscript import Manuscript

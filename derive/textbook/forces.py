@@ -8,7 +8,7 @@ from __future__ import annotations
 import casadi as ca
 
 from derive.mechanics.records import System
-from derive.textbook.terms import Terms
+from derive.textbook.formulas.terms import Terms
 
 
 def potential_bias(system: System) -> ca.SX:

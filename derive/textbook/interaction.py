@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from derive.mechanics.layouts import layouts
+from derive.mechanics.inverse.layouts import layouts
 from derive.mechanics.records import Inertia, Link, System
+from derive.mechanics.recursions.tree import mass_matrix
 from derive.mechanics.system import inertial_forces
-from derive.mechanics.tree import mass_matrix
 from derive.textbook.manuscript import Manuscript
 
 NOTHING = Inertia(0.0, [0.0] * 3, [[0.0] * 3 for _ in range(3)])

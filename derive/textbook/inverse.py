@@ -13,7 +13,7 @@ import sympy
 from derive.expressions.deferred import Deferred
 from derive.textbook.choice import orthonormal, product_entry, themselves
 from derive.textbook.dependent import dependent_columns
-from derive.textbook.layout import ends, identity, sum_of
+from derive.textbook.formulas.layout import ends, identity, sum_of
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.records import Math
 

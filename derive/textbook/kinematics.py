@@ -10,13 +10,13 @@ import sympy
 
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import is_zero
-from derive.mechanics.motion import STILL, Numbers, child_numbers
 from derive.mechanics.records import Link, System
-from derive.mechanics.tree import path, twists
+from derive.mechanics.recursions.motion import STILL, Numbers, child_numbers
+from derive.mechanics.recursions.tree import path, twists
 from derive.model.records import Coordinate, Model, Velocity
 from derive.textbook import names
+from derive.textbook.formulas.notation import Extra
 from derive.textbook.manuscript import Manuscript
-from derive.textbook.notation import Extra
 from derive.textbook.records import Math, Runs, Text
 
 AXES = "xyz"

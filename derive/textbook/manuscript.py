@@ -18,10 +18,10 @@ from derive.expressions.tree import Expression
 from derive.formulations.records import Equations
 from derive.mechanics.records import System
 from derive.textbook import names
-from derive.textbook.compose import operations
-from derive.textbook.constants import Constants
-from derive.textbook.convert import BEARABLE, FEW_PIECES, MOST_PIECES, READABLE, Piece
-from derive.textbook.layout import (
+from derive.textbook.formulas.compose import operations
+from derive.textbook.formulas.constants import Constants
+from derive.textbook.formulas.convert import BEARABLE, FEW_PIECES, MOST_PIECES, READABLE, Piece
+from derive.textbook.formulas.layout import (
     MOST_ROWS,
     Rows,
     ends,
@@ -37,8 +37,10 @@ from derive.textbook.layout import (
     sum_of,
     wide_entries,
 )
-from derive.textbook.measure import parts
-from derive.textbook.notation import Extra, Notation
+from derive.textbook.formulas.measure import parts
+from derive.textbook.formulas.notation import Extra, Notation
+from derive.textbook.formulas.terms import Terms
+from derive.textbook.formulas.typeset import Typesetter, width
 from derive.textbook.prose import left_alone, runs
 from derive.textbook.records import (
     Block,
@@ -58,8 +60,6 @@ from derive.textbook.records import (
     Table,
     Text,
 )
-from derive.textbook.terms import Terms
-from derive.textbook.typeset import Typesetter, width
 
 Item = TypeVar("Item")
 Residual = ca.SX | Deferred[ca.SX]

@@ -6,7 +6,7 @@ import casadi as ca
 import sympy
 
 from derive.expressions.deferred import Deferred
-from derive.textbook.layout import sum_of
+from derive.textbook.formulas.layout import sum_of
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.names import words
 from derive.textbook.records import Math, Runs, Text

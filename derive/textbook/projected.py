@@ -12,11 +12,11 @@ import casadi as ca
 import sympy
 
 from derive.textbook.choice import themselves
-from derive.textbook.compose import operations
 from derive.textbook.elimination import Elimination
 from derive.textbook.forces import balance, column_bias, column_force
+from derive.textbook.formulas.compose import operations
+from derive.textbook.formulas.layout import Rows, sum_of
 from derive.textbook.inverse import accelerations
-from derive.textbook.layout import Rows, sum_of
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.motion import bias, force_column, held_by_bias
 from derive.textbook.names import per_second

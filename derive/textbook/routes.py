@@ -9,10 +9,10 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed
 from derive.states.sampling import states
+from derive.textbook.formulas.terms import Terms
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.records import Runs, Text
 from derive.textbook.roads import ROADS, Road
-from derive.textbook.terms import Terms
 
 SAMPLES = 8  # random admissible states at which roads are compared
 MOST_ROADS = 2

@@ -9,8 +9,8 @@ from derive.diagnostics import AssumptionError, HamelError
 from derive.robots import File
 from derive.textbook import ROADS
 from derive.textbook.derivation import derivation
-from derive.textbook.pages import rendered
-from derive.textbook.write_html import parts_of
+from derive.textbook.writing.html import parts_of
+from derive.textbook.writing.pages import rendered
 from hamel.book.course import Course, course_of, errors_of
 from hamel.book.exercises import Exercise, exercises, start_values
 from hamel.book.topics import length_of, things_of, topic_of
@@ -82,7 +82,7 @@ def chapter(path: File) -> Chapter:
         choice=equations.choice,
         reason=equations.reason,
         sections=tuple((section.anchor, section.title) for section in document.sections),
-        derivation=rendered("derive.textbook/sections.html.j2", **parts_of(document)),
+        derivation=rendered("derive.textbook.writing/sections.html.j2", **parts_of(document)),
         figure=svg(drawing, f"figure-{model.name}") if drawing else "",
         motion=motion,
         refusal=refusal,

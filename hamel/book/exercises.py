@@ -12,9 +12,9 @@ from markupsafe import Markup
 from derive.formulations.frames import based
 from derive.mechanics.records import Row
 from derive.model.records import Input
-from derive.textbook.mathml import mathml
+from derive.textbook.formulas.notation import symbols_of
 from derive.textbook.names import dotted, per_second, symbol, unit
-from derive.textbook.notation import symbols_of
+from derive.textbook.writing.mathml import mathml
 from hamel.book.course import Course
 from hamel.book.limits import DIGITS, NOTHING
 

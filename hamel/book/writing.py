@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 import hamel
-from derive.textbook.pages import rendered
+from derive.textbook.writing.pages import rendered
 from hamel.book.chapter import Chapter, objectives
 from hamel.book.topics import TOPICS
 

@@ -26,7 +26,7 @@ from typing import Any
 
 from codegen.compiler import shared_library
 from codegen.emit import emit, on_request, sealed
-from codegen.passes.roll import check_roll
+from codegen.passes.folding.roll import check_roll
 from codegen.program import Program
 from codegen.seal import DERIVATION, VERIFICATION
 from derive.diagnostics import ToolchainError

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from codegen.emit import misfit, on_request
 from codegen.integrators import INTEGRATORS
 from codegen.passes import in_precision, program
-from codegen.passes.roll import ALWAYS, AUTO, NEVER
+from codegen.passes.folding.roll import ALWAYS, AUTO, NEVER
 from codegen.program import Program
 from codegen.targets.records import Target, affordable, ambiguity
 from derive.diagnostics import AssumptionError, ModelError, did_you_mean, listed

@@ -1,8 +1,8 @@
 """Base parameters: the fewest numbers that inverse dynamics depends on, as sums of standard ones.
 
-First by the structure of the tree (derive.mechanics.regrouping), then, where loops, the direction
-of gravity or axes along each other leave less, by a rank-revealing QR decomposition of the
-regressor at random admissible states (Gautier 1991, Numerical calculation of the base inertial
+First by the structure of the tree (derive.mechanics.regression.regrouping), then, where loops, the
+direction of gravity or axes along each other leave less, by a rank-revealing QR decomposition of
+the regressor at random admissible states (Gautier 1991, Numerical calculation of the base inertial
 parameters).
 """
 
@@ -18,8 +18,8 @@ from scipy.linalg import qr
 
 from derive.formulations.evaluate import function_of
 from derive.formulations.records import Equations
-from derive.mechanics.regressor import Parameter, parameters
-from derive.mechanics.regrouping import regrouping
+from derive.mechanics.regression.regressor import Parameter, parameters
+from derive.mechanics.regression.regrouping import regrouping
 from derive.states.sampling import states
 from hamel.identify.limits import DEPENDS, ROUND, STATES, VANISHES
 

@@ -24,7 +24,7 @@ from scipy.linalg import null_space
 from derive.diagnostics import AssumptionError
 from derive.formulations.evaluate import function_of
 from derive.formulations.records import Equations
-from derive.mechanics.regressor import INERTIAL, Parameter
+from derive.mechanics.regression.regressor import INERTIAL, Parameter
 from hamel.identify.base import Base
 from hamel.identify.limits import (
     EXACT,

@@ -7,7 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 import hamel
-from derive.textbook.pages import rendered
+from derive.textbook.writing.pages import rendered
 from hamel.draw import Series, chart
 from hamel.identify.estimate import Rows
 from hamel.identify.fit import Fit, residuals

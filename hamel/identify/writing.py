@@ -11,7 +11,7 @@ import yaml
 
 from derive.diagnostics import AssumptionError
 from derive.mechanics.records import System
-from derive.mechanics.regressor import INERTIAL, Parameter, groups
+from derive.mechanics.regression.regressor import INERTIAL, Parameter, groups
 from derive.model.builder import Model
 from derive.model.loads.in_joint import IN_JOINT
 from derive.robots.reading import ROBOTS, imported

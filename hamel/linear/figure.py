@@ -13,7 +13,12 @@ from derive.expressions.scalars import Matrix, Vector
 from derive.linearize.sensitivity import Mode
 from derive.linearize.study import Study
 from derive.mechanics.records import System
-from derive.mechanics.tree import ground_positions, ground_rotations, link_direction, link_point
+from derive.mechanics.recursions.tree import (
+    ground_positions,
+    ground_rotations,
+    link_direction,
+    link_point,
+)
 from derive.model.constraint_records import Rolling
 from hamel.draw.canvas import COLOURS, coordinates, element
 

@@ -15,10 +15,10 @@ from derive.linearize.sensitivity import Mode, modes
 from derive.linearize.study import Study
 from derive.linearize.unreduced import constraint_counts, unreduced
 from derive.textbook import names as names_of
-from derive.textbook.labels import labels
-from derive.textbook.mathml import mathml
-from derive.textbook.measure import letters
-from derive.textbook.pages import rendered
+from derive.textbook.formulas.labels import labels
+from derive.textbook.formulas.measure import letters
+from derive.textbook.writing.mathml import mathml
+from derive.textbook.writing.pages import rendered
 from hamel.draw.mechanism import picture, svg
 from hamel.linear import plots
 from hamel.linear.figure import moving

@@ -20,11 +20,11 @@ from derive.mechanics.records import System
 from derive.states.initial import initial_state
 from derive.textbook import names
 from derive.textbook.derivation import derivation
-from derive.textbook.mathml import mathml
-from derive.textbook.notation import symbols_of
-from derive.textbook.pages import rendered
+from derive.textbook.formulas.notation import symbols_of
 from derive.textbook.records import Document
-from derive.textbook.write_html import parts_of
+from derive.textbook.writing.html import parts_of
+from derive.textbook.writing.mathml import mathml
+from derive.textbook.writing.pages import rendered
 from hamel.draw.canvas import ENTRY, element, text
 from hamel.draw.mechanism.figure import bar_width
 from hamel.draw.mechanism.svg import CLASS, drawn, lettered, style

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 import hamel
 from derive.mechanics.records import System
-from derive.textbook.pages import rendered
+from derive.textbook.writing.pages import rendered
 from hamel.draw import linear, logarithmic, mechanism
 from hamel.draw.canvas import ENTRY, Frame, element, finite, polyline, text
 from hamel.draw.mechanism.animated import animated

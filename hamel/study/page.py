@@ -12,7 +12,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from derive.diagnostics import counted
-from derive.textbook.pages import rendered
+from derive.textbook.writing.pages import rendered
 from hamel.records import ExtremeRow
 from hamel.study.advice import advice
 from hamel.study.comparison import verdict

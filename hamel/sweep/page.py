@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 import hamel
 from derive.diagnostics import counted
-from derive.textbook.pages import rendered
+from derive.textbook.writing.pages import rendered
 from hamel.draw import Axis, Series, chart, decades, linear
 from hamel.draw.canvas import STYLE, Frame, document, element, text
 from hamel.records import KeptColumn, Swept

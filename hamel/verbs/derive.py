@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from derive.textbook.derivation import derivation
-from derive.textbook.write_html import page
-from derive.textbook.write_latex import article
+from derive.textbook.writing.html import page
+from derive.textbook.writing.latex import article
 from hamel.build.files import write_text
 from hamel.build.stages import equations_of
 from hamel.build.typeset import typeset

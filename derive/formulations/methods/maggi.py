@@ -26,7 +26,7 @@ from derive.formulations.assembly import column, entries, reduced
 from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation
 from derive.formulations.records import Equations
-from derive.mechanics.solve import ldl_solution, scalars
+from derive.mechanics.elimination.solve import ldl_solution, scalars
 from derive.model.records import Choice
 
 

@@ -16,8 +16,8 @@ from derive.formulations.fitness import undetermined
 from derive.formulations.formulation import Formulation
 from derive.formulations.limits import MANY
 from derive.formulations.records import Equations
+from derive.mechanics.elimination.solve import reflected_solution, scalars
 from derive.mechanics.records import System
-from derive.mechanics.solve import reflected_solution, scalars
 from derive.mechanics.system import inertial_forces
 from derive.model.records import Choice
 

@@ -10,8 +10,8 @@ from derive.formulations.assembly import column, entries, in_generalized_velocit
 from derive.formulations.fitness import constrained, first_of, not_of_links, singular
 from derive.formulations.formulation import Formulation
 from derive.formulations.records import Equations
-from derive.mechanics.articulated import Factored, tree_solution
 from derive.mechanics.records import Named
+from derive.mechanics.recursions.articulated import Factored, tree_solution
 from derive.model.records import Choice
 
 

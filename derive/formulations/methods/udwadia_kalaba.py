@@ -16,7 +16,7 @@ from derive.formulations.assembly import entries, in_generalized_velocities
 from derive.formulations.fitness import first_of, not_of_links, singular, undetermined
 from derive.formulations.formulation import Formulation
 from derive.formulations.records import Equations
-from derive.mechanics.gauss import constrained_motion, inverse_applied, named, rows_of
+from derive.mechanics.elimination.gauss import constrained_motion, inverse_applied, named, rows_of
 from derive.model.records import Choice
 
 

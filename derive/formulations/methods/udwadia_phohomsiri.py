@@ -24,9 +24,9 @@ from derive.formulations.fitness import first_of, undetermined, unwritten
 from derive.formulations.formulation import Formulation
 from derive.formulations.limits import LIGHT
 from derive.formulations.records import Equations
-from derive.mechanics.gauss import constrained_motion, named, rows_of
+from derive.mechanics.elimination.gauss import constrained_motion, named, rows_of
+from derive.mechanics.elimination.solve import ldl_solution, scalars
 from derive.mechanics.records import Named
-from derive.mechanics.solve import ldl_solution, scalars
 from derive.model.records import Choice
 from derive.numerics import NONZERO
 

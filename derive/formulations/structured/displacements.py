@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from derive.mechanics.elimination.solve import scalars, small_inverse
 from derive.mechanics.records import System
-from derive.mechanics.solve import scalars, small_inverse
 
 
 def displacements(system: System) -> ca.SX:

@@ -8,7 +8,7 @@ import casadi as ca
 
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.joints.rotations import dot, is_zero, minus, times
-from derive.mechanics.solve import ldl_solution, scalars
+from derive.mechanics.elimination.solve import ldl_solution, scalars
 
 Solve = Callable[[Matrix, Sequence[Vector]], list[Vector]]
 

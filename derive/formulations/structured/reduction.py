@@ -19,8 +19,8 @@ from derive.formulations.structured.factors import (
 from derive.formulations.structured.records import Known, Slopes, rest_of, slopes_of
 from derive.formulations.structured.tree import tree_of
 from derive.joints.rotations import is_zero, times
+from derive.mechanics.elimination.solve import scalars
 from derive.mechanics.records import Inertia, System
-from derive.mechanics.solve import scalars
 from derive.mechanics.system import inertial_forces
 
 

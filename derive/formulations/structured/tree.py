@@ -28,9 +28,9 @@ from derive.formulations.structured.factors import (
 )
 from derive.formulations.structured.records import Known, Slopes, rest_of, slopes_of
 from derive.joints.rotations import dot, is_zero, minus, plus, times
+from derive.mechanics.elimination.solve import ldl_solution, scalars
 from derive.mechanics.records import Inertia, Link, System
-from derive.mechanics.slopes import Tree
-from derive.mechanics.solve import ldl_solution, scalars
+from derive.mechanics.recursions.slopes import Tree
 
 
 def of_tree(system: System, motion: Motion) -> Iterator[Slopes]:

@@ -12,14 +12,14 @@ from derive.expressions.scalars import Vector
 from derive.joints.rotations import (
     matrix,
 )
-from derive.mechanics.frames import axes_in_plane, axes_of, closure_frames
-from derive.mechanics.gaps import gap
+from derive.mechanics.geometry.frames import axes_in_plane, axes_of, closure_frames
+from derive.mechanics.geometry.gaps import gap
 from derive.mechanics.limits import HALF_A_TURN
 from derive.mechanics.links import placement
 from derive.mechanics.records import Place, Row, RowForm, TwistTerm
+from derive.mechanics.recursions.tree import ground_point, link_point, relative_rotation
 from derive.mechanics.rows import block_of_positions
 from derive.mechanics.scene import IN_PLANE, NOTHING, Block, Scene
-from derive.mechanics.tree import ground_point, link_point, relative_rotation
 from derive.model.records import (
     Closure,
 )

@@ -7,7 +7,7 @@ import numpy as np
 
 from derive.mechanics.closures.cylindrical import cylindrical
 from derive.mechanics.closures.records import Closing
-from derive.mechanics.frames import (
+from derive.mechanics.geometry.frames import (
     angular_velocity,
     closure_frames,
 )

@@ -11,7 +11,7 @@ from derive.joints.rotations import (
 )
 from derive.mechanics.closures.parts import meeting
 from derive.mechanics.closures.records import Closing
-from derive.mechanics.frames import (
+from derive.mechanics.geometry.frames import (
     ground_rotation,
 )
 from derive.mechanics.links import placement

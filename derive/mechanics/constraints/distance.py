@@ -9,11 +9,11 @@ import casadi as ca
 from derive.expressions.scalars import Matrix, Vector
 from derive.joints.rotations import rotated, times, transpose
 from derive.mechanics.constraints.records import Tie
-from derive.mechanics.frames import on_ground
+from derive.mechanics.geometry.frames import on_ground
 from derive.mechanics.records import Rod, RowForm, TwistTerm
+from derive.mechanics.recursions.tree import link_point
 from derive.mechanics.rows import block_of_positions
 from derive.mechanics.scene import NOTHING, Block, Scene
-from derive.mechanics.tree import link_point
 from derive.model.constraint_records import Distance
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from derive.mechanics.constraints.records import Tie
 from derive.mechanics.records import Row, RowForm, TwistTerm
+from derive.mechanics.recursions.tree import link_direction, link_point
 from derive.mechanics.scene import NOTHING, Block, Scene
-from derive.mechanics.tree import link_direction, link_point
 from derive.model.constraint_records import NoSlip
 
 

@@ -10,13 +10,13 @@ from derive.joints.rotations import (
     transpose,
 )
 from derive.mechanics.constraints.records import Tie
-from derive.mechanics.frames import (
+from derive.mechanics.geometry.frames import (
     ground_rotation,
     on_ground,
 )
+from derive.mechanics.geometry.surfaces import surface_over
 from derive.mechanics.rows import block_of_positions
 from derive.mechanics.scene import Block, Scene
-from derive.mechanics.surfaces import surface_over
 from derive.model.constraint_records import OnSurface
 
 

@@ -28,12 +28,17 @@ from derive.joints.rotations import (
     transpose,
 )
 from derive.mechanics.constraints.records import Tie
-from derive.mechanics.frames import axes_in_plane, ground_rotation, on_ground, triad
+from derive.mechanics.geometry.frames import axes_in_plane, ground_rotation, on_ground, triad
+from derive.mechanics.geometry.surfaces import nearest_point, surface_over
 from derive.mechanics.limits import FLAT
 from derive.mechanics.records import Link, Place, Row, RowForm, TwistTerm
+from derive.mechanics.recursions.tree import (
+    ground_point,
+    link_direction,
+    link_point,
+    relative_rotation,
+)
 from derive.mechanics.scene import NORMAL, NOTHING, Block, Scene
-from derive.mechanics.surfaces import nearest_point, surface_over
-from derive.mechanics.tree import ground_point, link_direction, link_point, relative_rotation
 from derive.model.constraint_records import Rolling
 from derive.model.mechanism.space import ORIGIN
 

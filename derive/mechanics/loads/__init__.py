@@ -28,8 +28,8 @@ from derive.mechanics.loads.tension import TENSION
 from derive.mechanics.loads.torque import TORQUE
 from derive.mechanics.loads.wrench import WRENCH
 from derive.mechanics.records import Pushed
+from derive.mechanics.recursions.tree import Wrench, joint_forces
 from derive.mechanics.scene import Scene
-from derive.mechanics.tree import Wrench, joint_forces
 from derive.model.rows import row_names
 
 __all__ = ["LAWS", "Applied", "Law", "Loads", "along", "applied", "armatures", "by_links"]

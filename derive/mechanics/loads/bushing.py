@@ -18,7 +18,7 @@ from derive.joints.rotations import (
     times,
     transpose,
 )
-from derive.mechanics.frames import joint_frame
+from derive.mechanics.geometry.frames import joint_frame
 from derive.mechanics.loads.points import (
     Point,
     are_far,

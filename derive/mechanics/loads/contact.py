@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from derive.expressions.scalars import Scalar, Vector
-from derive.mechanics.frames import angular_velocity, ground_rotation, on_ground
+from derive.mechanics.geometry.frames import angular_velocity, ground_rotation, on_ground
+from derive.mechanics.geometry.surfaces import surface_over
 from derive.mechanics.loads.points import (
     Point,
     are_far,
@@ -24,7 +25,6 @@ from derive.mechanics.loads.points import (
 )
 from derive.mechanics.loads.records import NONE, Applied, Law, all_of
 from derive.mechanics.scene import IN_PLANE, NORMAL, Scene
-from derive.mechanics.surfaces import surface_over
 from derive.mechanics.symbols import Symbols
 from derive.model.load_records import Contact
 from derive.model.mechanism.space import ORIGIN

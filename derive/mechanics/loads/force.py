@@ -15,8 +15,8 @@ from derive.mechanics.loads.records import (
     in_ground,
     in_link,
 )
+from derive.mechanics.recursions.tree import link_point
 from derive.mechanics.scene import Scene
-from derive.mechanics.tree import link_point
 from derive.model.load_records import Force
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from derive.expressions.scalars import Vector
 from derive.joints.rotations import cross, difference, is_zero, rotated, scaled, sum_of, transpose
 from derive.mechanics.loads.records import NONE, Couples, all_of
+from derive.mechanics.recursions.tree import link_point, nearest_carrier
 from derive.mechanics.scene import Scene
-from derive.mechanics.tree import link_point, nearest_carrier
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ import casadi as ca
 
 from derive.expressions.scalars import Scalar, Vector
 from derive.joints.rotations import rotated, sum_of, transpose
+from derive.mechanics.geometry.named_frames import place_of
 from derive.mechanics.limits import FEW_ENTRIES
-from derive.mechanics.named_frames import place_of
+from derive.mechanics.recursions.tree import Wrench, ground_point, link_direction
 from derive.mechanics.scene import Scene
-from derive.mechanics.tree import Wrench, ground_point, link_direction
 from derive.model.mechanism.named_frames import frame_named
 from derive.model.records import GROUND
 

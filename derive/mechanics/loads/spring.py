@@ -5,10 +5,10 @@ from __future__ import annotations
 import casadi as ca
 
 from derive.joints.rotations import difference, dot, scaled, times
+from derive.mechanics.geometry.paths import check_apart
 from derive.mechanics.limits import AT_REST
 from derive.mechanics.loads.points import are_far, pair, point_of, position, velocity
 from derive.mechanics.loads.records import Applied, Law, in_ground
-from derive.mechanics.paths import check_apart
 from derive.mechanics.scene import Scene
 from derive.model.load_records import BallSpring, JointSpring, PointSpring
 

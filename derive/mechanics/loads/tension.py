@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
+from derive.mechanics.geometry.paths import path_length
 from derive.mechanics.loads.records import Applied, Law, force_alone
-from derive.mechanics.paths import path_length
 from derive.mechanics.scene import Scene
 from derive.model.load_records import Tension
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from derive.joints.rotations import cross, matrix, rotated, sum_of, transpose
+from derive.mechanics.geometry.named_frames import place_of
 from derive.mechanics.loads.records import (
     Applied,
     Law,
@@ -12,7 +13,6 @@ from derive.mechanics.loads.records import (
     couples_alone,
     force_alone,
 )
-from derive.mechanics.named_frames import place_of
 from derive.mechanics.scene import Scene
 from derive.model.load_records import Wrench
 from derive.model.mechanism.named_frames import frame_named

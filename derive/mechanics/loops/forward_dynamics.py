@@ -28,7 +28,6 @@ from derive.joints.rotations import (
     sum_of,
     times,
 )
-from derive.mechanics.articulated import Articulated
 from derive.mechanics.links import symmetric
 from derive.mechanics.loops.frames import (
     along_shifts,
@@ -41,6 +40,7 @@ from derive.mechanics.loops.frames import (
 from derive.mechanics.loops.poses import have_pushes, less_push, of_ground, pose, push
 from derive.mechanics.loops.records import Joint, Sweep, Visit
 from derive.mechanics.loops.sweeps import Rows, falling, orientation, rising, rows_of
+from derive.mechanics.recursions.articulated import Articulated
 
 ZERO: Vector = [0.0, 0.0, 0.0]
 # Where the values of a link stand that later sweeps read; those of further velocities of a joint

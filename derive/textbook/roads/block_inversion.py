@@ -9,6 +9,7 @@ from derive.textbook.charts import charts
 from derive.textbook.choice import themselves
 from derive.textbook.complement import complement
 from derive.textbook.forces import along, solved
+from derive.textbook.formulas.terms import Terms
 from derive.textbook.interaction import interaction
 from derive.textbook.inverse import accelerations, inverse
 from derive.textbook.manuscript import Manuscript
@@ -17,7 +18,6 @@ from derive.textbook.motion import bordered, unprojected
 from derive.textbook.multipliers import multipliers
 from derive.textbook.projected import final
 from derive.textbook.roads.records import Road
-from derive.textbook.terms import Terms
 
 
 def _write(doc: Manuscript) -> None:

@@ -10,15 +10,15 @@ import casadi as ca
 from derive.diagnostics import AssumptionError
 from derive.mechanics.records import System
 from derive.model.load_records import Armature, Exhaust
-from derive.textbook.coefficients import Coefficients
 from derive.textbook.forces import active, along, solved
+from derive.textbook.formulas.coefficients import Coefficients
+from derive.textbook.formulas.terms import Terms
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.methods import nonideal
 from derive.textbook.names import words
 from derive.textbook.projected import final
 from derive.textbook.records import Math, Runs, Text
 from derive.textbook.roads.records import Road
-from derive.textbook.terms import Terms
 
 MOST_LISTED = 60  # coefficients that are printed one by one
 SHORT = 60  # operations of a coefficient that is

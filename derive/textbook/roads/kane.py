@@ -9,10 +9,11 @@ import casadi as ca
 
 from derive.expressions.scalars import Scalar
 from derive.joints.rotations import cross, sum_of
-from derive.mechanics.motion import Numbers
 from derive.mechanics.records import Inertia, Link
-from derive.mechanics.tree import inertia_force, twists
+from derive.mechanics.recursions.motion import Numbers
+from derive.mechanics.recursions.tree import inertia_force, twists
 from derive.textbook.forces import active, along, at_quasi_velocities, balance, column_bias, solved
+from derive.textbook.formulas.terms import Terms
 from derive.textbook.inverse import accelerations
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.methods import nonideal
@@ -20,7 +21,6 @@ from derive.textbook.names import words
 from derive.textbook.projected import final
 from derive.textbook.records import Math
 from derive.textbook.roads.records import Road
-from derive.textbook.terms import Terms
 
 AXES = "xyz"
 STILL: list[Scalar] = [0.0, 0.0, 0.0]

@@ -9,13 +9,13 @@ from __future__ import annotations
 import casadi as ca
 
 from derive.textbook.forces import along, at_quasi_velocities
+from derive.textbook.formulas.terms import Terms
 from derive.textbook.inverse import accelerations
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.methods import nonideal
 from derive.textbook.motion import unprojected
 from derive.textbook.projected import final
 from derive.textbook.roads.records import Road
-from derive.textbook.terms import Terms
 
 
 def _independent(terms: Terms) -> tuple[ca.SX, ca.SX]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from derive.textbook.formulas.terms import Terms
 from derive.textbook.manuscript import Manuscript
-from derive.textbook.terms import Terms
 
 
 @dataclass(frozen=True)

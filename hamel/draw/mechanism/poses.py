@@ -11,7 +11,7 @@ from derive.expressions.scalars import Matrix
 from derive.expressions.scalars import Vector as Numbers
 from derive.joints.rotations import matrix, product
 from derive.mechanics.records import Place, System
-from derive.mechanics.tree import ground_point, ground_positions, ground_rotations
+from derive.mechanics.recursions.tree import ground_point, ground_positions, ground_rotations
 from hamel.draw.mechanism.points import Dial, Loose
 from hamel.draw.mechanism.records import Pose, Vector
 

@@ -1,7 +1,7 @@
 """Paths: straight pieces from pulley to pulley, arcs round them, and the pulleys.
 
-They touch where derive.mechanics.paths has them touch. In space the way round a cylinder is
-straight where the cylinder is unrolled.
+They touch where derive.mechanics.geometry.paths has them touch. In space the way round a cylinder
+is straight where the cylinder is unrolled.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from derive.model.constraint_records import Distance, NoSlip, OnSurface, Rolling
 from derive.model.load_records import Bushing, Contact, Force, PointSpring, Tension
 from derive.model.records import GROUND as GROUND_NAME
 from derive.model.records import Closure, Joint, Model, Path, Placement
-from derive.textbook.labels import labels
+from derive.textbook.formulas.labels import labels
 from hamel.draw.mechanism.anchors import LOOSE, Anchor
 from hamel.draw.mechanism.points import Bonds, Dial, Loose, bonds, dials, loose_points
 from hamel.draw.mechanism.poses import Bodies

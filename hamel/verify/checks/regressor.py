@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from derive.expressions.tree import ZERO, Number
-from derive.mechanics.regressor import INERTIAL, Group, groups, parameters
+from derive.mechanics.regression.regressor import INERTIAL, Group, groups, parameters
 from derive.model.records import Body, Model
 from hamel.verify.checks.check import Check
 from hamel.verify.checks.compare import worst

@@ -11,14 +11,14 @@ import pytest
 
 from codegen.emit import emit
 from codegen.passes import program
-from codegen.passes.improve import improve
 from codegen.passes.pipeline import _roots
+from codegen.passes.rewriting.improve import improve
+from codegen.passes.rewriting.trace import record
 from codegen.passes.selection import selection
-from codegen.passes.trace import record
 from codegen.program import Program
 from derive.formulations import equations
 from derive.formulations.records import Equations
-from derive.mechanics.pivoting import sparse_pivot_order
+from derive.mechanics.elimination.pivoting import sparse_pivot_order
 from derive.model import load_text
 from derive.states import system
 from tests.loops import four_bars

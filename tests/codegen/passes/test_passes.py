@@ -1,6 +1,7 @@
 """The passes change rounding only, and the operations they save are counted.
 
-Of codegen.passes: hoist, improve, initial, names, plain, schedule, selection, turns, watch.
+Of codegen.passes: hoist, initial, names, schedule, selection, turns, watch.
+Of codegen.passes.rewriting: improve, plain.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codegen.passes import program
-from codegen.passes.balance import balance
-from codegen.passes.factor import factor
-from codegen.passes.graph import Work
-from codegen.passes.improve import PASSES, count, used_operations
-from codegen.passes.invert import invert
-from codegen.passes.lower import Lowered, Operation, lower
 from codegen.passes.names import RESERVED
-from codegen.passes.share import share
-from codegen.passes.trace import record, trace
+from codegen.passes.rewriting.balance import balance
+from codegen.passes.rewriting.factor import factor
+from codegen.passes.rewriting.graph import Work
+from codegen.passes.rewriting.improve import PASSES, count, used_operations
+from codegen.passes.rewriting.invert import invert
+from codegen.passes.rewriting.lower import Lowered, Operation, lower
+from codegen.passes.rewriting.share import share
+from codegen.passes.rewriting.trace import record, trace
 from codegen.text import TEMPLATES
 from derive.diagnostics import HamelError
 from tests.toy import toy

@@ -1,7 +1,7 @@
 """Statements that come again and again, written once with tables: what they compute is what the
 statements one after the other compute, wherever values go.
 
-Of codegen.passes: repeats, tables, split.
+Of codegen.passes.folding: repeats, tables, split.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import pytest
 
-from codegen.passes.repeats import FEWEST, Stretch, stages
-from codegen.passes.split import Part, split
-from codegen.passes.tables import Column
+from codegen.passes.folding.repeats import FEWEST, Stretch, stages
+from codegen.passes.folding.split import Part, split
+from codegen.passes.folding.tables import Column
 from codegen.program import (
     Argument,
     Expression,

@@ -9,11 +9,11 @@ from functools import cache
 import pytest
 
 from codegen.limits import CLOSE
-from codegen.passes.graph import Work, snapped
 from codegen.passes.pipeline import _roots
-from codegen.passes.rescale import Balance
-from codegen.passes.scales import scales, starts
-from codegen.passes.trace import record, trace
+from codegen.passes.rewriting.graph import Work, snapped
+from codegen.passes.rewriting.rescale import Balance
+from codegen.passes.rewriting.scales import scales, starts
+from codegen.passes.rewriting.trace import record, trace
 from derive.formulations import equations
 from derive.model import load
 from derive.states import system

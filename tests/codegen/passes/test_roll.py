@@ -1,7 +1,7 @@
 """Functions of trees as loops over their links: the same numbers as unrolled, code that does not
 grow, and what does not fit says so.
 
-Of codegen.passes: roll.
+Of codegen.passes.folding: roll.
 Of codegen.targets: rolled.
 Of derive.formulations.rolled: columns, factors, recursion, rows, ways.
 Of derive.mechanics: templates.
@@ -29,8 +29,8 @@ import hamel
 from codegen import loader, passes
 from codegen.emit import emit
 from codegen.passes import program
+from codegen.passes.folding.roll import AUTO, FROM, FROM_FREE, is_sure
 from codegen.passes.lanes import is_batched, most_lanes
-from codegen.passes.roll import AUTO, FROM, FROM_FREE, is_sure
 from codegen.program import Program, Rolled
 from derive.diagnostics import AssumptionError, VerificationError
 from derive.formulations.limits import MOST_PARAMETRIC

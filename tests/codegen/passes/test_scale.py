@@ -17,7 +17,8 @@ import pytest
 
 from codegen import compiler, loader
 from codegen.emit import emit
-from codegen.passes import program, split
+from codegen.passes import program
+from codegen.passes.folding import split
 from codegen.passes.pipeline import _roots
 from codegen.program import Load, Section, Statement
 from derive.expressions.counting import operations

@@ -1,7 +1,8 @@
 """Rows of loops in C and NumPy, where statements that come again and again are written once: against
 NumPy with all of them written out, for one state and for many.
 
-Of codegen.passes: repeats, tables, split, lanes.
+Of codegen.passes.folding: repeats, tables, split.
+Of codegen.passes: lanes.
 Of codegen.targets: c_functions, numpy, repeated.
 """
 
@@ -21,9 +22,9 @@ import pytest
 from codegen import compiler
 from codegen.emit import emit
 from codegen.passes import program
+from codegen.passes.folding.split import Part, split
+from codegen.passes.folding.tables import Column, Repeat
 from codegen.passes.lanes import WIDEST, is_batched
-from codegen.passes.split import Part, split
-from codegen.passes.tables import Column, Repeat
 from codegen.program import Program
 from codegen.targets.repeated import SHORT, again
 from codegen.targets.turns import angles_of

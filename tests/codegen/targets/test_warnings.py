@@ -15,8 +15,8 @@ import pytest
 from codegen.emit import emit
 from codegen.integrators import INTEGRATORS
 from codegen.passes import program
+from codegen.passes.folding.roll import ALWAYS, NEVER
 from codegen.passes.precision import in_precision
-from codegen.passes.roll import ALWAYS, NEVER
 from codegen.program import Program
 from derive.enforcement import ENFORCEMENTS, Options, kept_equations
 from derive.formulations import equations

@@ -2,7 +2,8 @@
 their number, and give what M, A and numpy give.
 
 Of derive.choices: embedded, walk.
-Of derive.mechanics: embedding, quadratic.
+Of derive.mechanics.recursions: embedding.
+Of derive.mechanics.elimination: quadratic.
 Of derive.expressions: settled.
 """
 

@@ -13,15 +13,15 @@ import pytest
 
 from derive.choices.named import carried_through, declared
 from derive.choices.survey import survey_of
-from derive.mechanics.limits import COFACTORS
-from derive.mechanics.pivoting import pivot_order
-from derive.mechanics.solve import (
+from derive.mechanics.elimination.pivoting import pivot_order
+from derive.mechanics.elimination.solve import (
     Block,
     growth,
     reflected_solution,
     scalars,
     small_inverse,
 )
+from derive.mechanics.limits import COFACTORS
 from derive.model import load
 from derive.states import system
 from derive.states.sampling import states

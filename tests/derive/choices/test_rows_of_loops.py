@@ -24,7 +24,7 @@ from derive.choices import orthonormal, resolution
 from derive.diagnostics import AssumptionError
 from derive.expressions.counting import operations
 from derive.formulations import equations
-from derive.mechanics.gaps import gap
+from derive.mechanics.geometry.gaps import gap
 from derive.mechanics.records import System
 from derive.model import load_text
 from derive.states import system

@@ -18,7 +18,7 @@ from derive.expressions.counting import operations
 from derive.formulations import choices, equations
 from derive.formulations.multipliers import least_change
 from derive.formulations.records import Equations
-from derive.mechanics.pivoting import pivot_order
+from derive.mechanics.elimination.pivoting import pivot_order
 from derive.mechanics.records import System
 from derive.model import load, load_text
 from derive.states import system

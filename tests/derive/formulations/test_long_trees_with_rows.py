@@ -3,7 +3,8 @@
 Of derive.choices: few_rows.
 Of derive.formulations: projection.
 Of derive.formulations.methods: quasi_velocities.
-Of derive.mechanics: articulated, gauss.
+Of derive.mechanics.recursions: articulated.
+Of derive.mechanics.elimination: gauss.
 """
 
 from __future__ import annotations

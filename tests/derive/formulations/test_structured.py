@@ -3,7 +3,7 @@ them.
 
 Of derive.formulations: contraction, derivatives.
 Of derive.formulations.structured: afloat, displacements, factors, records, reduction, tree.
-Of derive.mechanics: flows, slopes.
+Of derive.mechanics.recursions: flows, slopes.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from derive.formulations.evaluate import slots_of
 from derive.formulations.motion import Motion
 from derive.formulations.records import Equations
 from derive.formulations.structured import tree
-from derive.mechanics import slopes
 from derive.mechanics.records import System
-from derive.mechanics.slopes import Tree
+from derive.mechanics.recursions import slopes
+from derive.mechanics.recursions.slopes import Tree
 from derive.mechanics.system import inertial_forces
 from derive.model import load, load_text
 from derive.robots.reading import imported

@@ -1,6 +1,6 @@
 """M v̇ + h in few operations is M v̇ + h of plain Newton–Euler.
 
-Of derive.mechanics: inverse_dynamics, layouts, stems, base_parameters, moments.
+Of derive.mechanics.inverse: dynamics, layouts, stems, base_parameters, moments.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from codegen.passes import program
 from derive.expressions.scalars import Matrix, Scalar, Vector
 from derive.formulations import equations
 from derive.joints.rotations import cross, dot, is_zero, rotated, sum_of
-from derive.mechanics import inverse_dynamics
-from derive.mechanics.accelerations import State, accelerations
-from derive.mechanics.inverse_dynamics import joint_forces_of_motion
+from derive.mechanics.inverse import dynamics as inverse_dynamics
+from derive.mechanics.inverse.dynamics import joint_forces_of_motion
 from derive.mechanics.records import Inertia, Link, System
-from derive.mechanics.tree import Wrench, joint_forces
+from derive.mechanics.recursions.accelerations import State, accelerations
+from derive.mechanics.recursions.tree import Wrench, joint_forces
 from derive.model import load
 from derive.robots.reading import imported
 from derive.states import system

@@ -1,8 +1,9 @@
 """The System against Lagrange's equations written from positions alone, and against its own
 definitions.
 
-Of derive.mechanics: accelerations, analytic, articulated, blocks, constraints, energies, events,
-forms, frames, motion, outputs, rows, scene, symbols.
+Of derive.mechanics.recursions: accelerations, articulated, forms, motion.
+Of derive.mechanics: analytic, blocks, constraints, energies, events, outputs, rows, scene, symbols.
+Of derive.mechanics.geometry: frames.
 Of derive.mechanics.closures: ball, cylindrical, fixed, planar, prismatic, revolute, screw,
 universal.
 Of derive.mechanics.constraints: distance, holonomic, no_slip, nonholonomic, point_on_surface,
@@ -29,11 +30,11 @@ from derive.joints.rotations import (
     transpose,
 )
 from derive.joints.turns import turn
+from derive.mechanics.elimination.pivoting import pivot_order
+from derive.mechanics.elimination.solve import ldl_solution, lu_solution, scalars
 from derive.mechanics.links import moved, summed
-from derive.mechanics.pivoting import pivot_order
 from derive.mechanics.records import Inertia, System
-from derive.mechanics.solve import ldl_solution, lu_solution, scalars
-from derive.mechanics.tree import ground_positions, ground_rotations
+from derive.mechanics.recursions.tree import ground_positions, ground_rotations
 from derive.model import load, load_text
 from derive.model.loads.bushing import BushingEntry
 from derive.states import system

@@ -1,7 +1,8 @@
 """Kinematics of named frames by identities: J and J̇ v are derivatives of poses, in many digits, and
 a wrench does the power of its frame's velocity.
 
-Of derive.mechanics: named_frames, coriolis.
+Of derive.mechanics.geometry: named_frames.
+Of derive.mechanics.recursions: coriolis.
 Of derive.formulations: named_frames.
 """
 
@@ -14,9 +15,9 @@ import pytest
 from derive.formulations import equations
 from derive.formulations.records import Equations
 from derive.formulations.requests import request_of
-from derive.mechanics.coriolis import coriolis_matrix
-from derive.mechanics.named_frames import unit_quaternion
-from derive.mechanics.solve import scalars
+from derive.mechanics.elimination.solve import scalars
+from derive.mechanics.geometry.named_frames import unit_quaternion
+from derive.mechanics.recursions.coriolis import coriolis_matrix
 from derive.model import load_text
 from derive.states import system
 from tests.scenes import SPATIAL_CHAIN, derived

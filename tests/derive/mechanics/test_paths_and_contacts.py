@@ -3,7 +3,7 @@ and as the reference has them.
 
 Of derive.model.mechanism: paths.
 Of derive.model.loads: contact, tension.
-Of derive.mechanics: paths, surfaces.
+Of derive.mechanics.geometry: paths, surfaces.
 Of derive.mechanics.loads: contact, tension.
 Of hamel.verify.reference: contact, paths, surfaces.
 """

@@ -386,7 +386,7 @@ def test_a_medium_is_left_out_where_there_is_one(option, said, tmp_path):
 
 def test_mjcf_coordinates_are_zero_where_qpos_is():
     """The pose of the file is at `ref`: there the palm stands where <body pos euler> puts it."""
-    from derive.mechanics.tree import ground_point, ground_positions, ground_rotations
+    from derive.mechanics.recursions.tree import ground_point, ground_positions, ground_rotations
 
     s = system(imported(ROBOTS / "hand.xml").model)
     rotations_, places = ground_rotations(s.links), dict(s.places)

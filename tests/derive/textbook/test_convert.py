@@ -1,6 +1,6 @@
 """Terms as expressions: which numbers are read as gravity.
 
-Of derive.textbook: convert.
+Of derive.textbook.formulas: convert.
 """
 
 import random
@@ -8,8 +8,8 @@ import random
 import casadi as ca
 import sympy
 
-from derive.textbook.compose import operations
-from derive.textbook.convert import Gravity, Reader
+from derive.textbook.formulas.compose import operations
+from derive.textbook.formulas.convert import Gravity, Reader
 
 G = Gravity(sympy.Symbol("g"), 9.81)
 

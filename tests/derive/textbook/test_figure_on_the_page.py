@@ -1,6 +1,6 @@
 """The figure at the head of a derivation, on the page and in the article.
 
-Of derive.textbook: write_html, write_latex.
+Of derive.textbook.writing: html, latex.
 """
 
 import xml.etree.ElementTree as ET

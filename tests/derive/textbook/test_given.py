@@ -1,7 +1,6 @@
 """Given says all that makes the mechanism: what holds and drives it, where, and in whose axes.
 
-Of derive.textbook: given_closures, given_constraints, given_events, given_frames, given_joints,
-given_loads, given_surfaces.
+Of derive.textbook.given: closures, constraints, events, frames, joints, loads, surfaces.
 """
 
 import re
@@ -15,16 +14,16 @@ from derive.mechanics.constraints import TIES
 from derive.mechanics.loads import LAWS
 from derive.model import load_text
 from derive.states import system
-from derive.textbook.given import given
-from derive.textbook.given_closures import SENTENCES
-from derive.textbook.given_constraints import CONSTRAINTS
-from derive.textbook.given_joints import TYPES
-from derive.textbook.given_loads import LOADS
+from derive.textbook.given.closures import SENTENCES
+from derive.textbook.given.constraints import CONSTRAINTS
+from derive.textbook.given.joints import TYPES
+from derive.textbook.given.loads import LOADS
+from derive.textbook.given.model import given
 from derive.textbook.manuscript import Manuscript
 from derive.textbook.outputs import outputs
 from derive.textbook.records import Math, Paragraph, Runs, Table
-from derive.textbook.write_html import page
-from derive.textbook.write_latex import article
+from derive.textbook.writing.html import page
+from derive.textbook.writing.latex import article
 from tests.derive.textbook.test_textbook import check_article, check_page
 from tests.scenes import MODELS
 

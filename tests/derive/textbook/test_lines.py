@@ -1,6 +1,7 @@
 """Lines end where they may: long fractions, and lists in the text of TeX articles.
 
-Of derive.textbook: typeset, write_latex.
+Of derive.textbook.formulas: typeset.
+Of derive.textbook.writing: latex.
 """
 
 import re
@@ -14,12 +15,12 @@ from derive.model import load, load_text
 from derive.states import system
 from derive.textbook import html
 from derive.textbook.choice import power_of_ten
-from derive.textbook.compose import number
 from derive.textbook.derivation import derivation
-from derive.textbook.layout import GAP, ROW, SYMBOL, rounded, wide_entries
-from derive.textbook.measure import letters
-from derive.textbook.typeset import ALONE, OPENING, PIECE, Typesetter, width
-from derive.textbook.write_latex import _breakable, article
+from derive.textbook.formulas.compose import number
+from derive.textbook.formulas.layout import GAP, ROW, SYMBOL, rounded, wide_entries
+from derive.textbook.formulas.measure import letters
+from derive.textbook.formulas.typeset import ALONE, OPENING, PIECE, Typesetter, width
+from derive.textbook.writing.latex import _breakable, article
 from tests.scenes import MODELS
 
 A, B, C, D, X = sympy.symbols("a b c d x")

@@ -1,6 +1,7 @@
 """Every road leads to the same equations, and what it prints is what is compiled.
 
-Of derive.textbook: coefficients, forces, measure, routes, worked.
+Of derive.textbook.formulas: coefficients, measure.
+Of derive.textbook: forces, routes, worked.
 Of derive.model: letters.
 Of derive.textbook.roads: block_inversion, boltzmann_hamel, kane, multipliers, records.
 """
@@ -20,10 +21,10 @@ from derive.model import load, load_text
 from derive.states import system
 from derive.states.sampling import states
 from derive.textbook import ROADS, html, latex
-from derive.textbook.coefficients import Coefficients
 from derive.textbook.derivation import derivation
 from derive.textbook.forces import balance
-from derive.textbook.terms import Terms
+from derive.textbook.formulas.coefficients import Coefficients
+from derive.textbook.formulas.terms import Terms
 from tests import digits
 from tests.scenes import MODELS
 
@@ -189,7 +190,7 @@ def test_a_wrong_coefficient_is_seen(planted, monkeypatch):
         own = Coefficients.of
         monkeypatch.setattr(Coefficients, "of", lambda self, r, k: -own(self, r, k))
     elif planted == "bracket":
-        monkeypatch.setattr("derive.textbook.coefficients.structure", lambda system: {})
+        monkeypatch.setattr("derive.textbook.formulas.coefficients.structure", lambda system: {})
     else:
         own_drift = Coefficients.drift
         monkeypatch.setattr(Coefficients, "drift", lambda self, k: -own_drift(self, k))

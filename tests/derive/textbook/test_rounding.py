@@ -1,6 +1,6 @@
 """What rounding left is not printed, and no number of a model is taken for it.
 
-Of derive.textbook: constants, rounding.
+Of derive.textbook.formulas: constants, rounding.
 """
 
 import math
@@ -11,12 +11,12 @@ import sympy
 from derive.formulations import equations
 from derive.model import load, load_text
 from derive.states import system
-from derive.textbook.compose import number
-from derive.textbook.constants import Constants
 from derive.textbook.derivation import derivation
-from derive.textbook.ring import Ring, rational
-from derive.textbook.rounding import leftovers
-from derive.textbook.write_latex import article
+from derive.textbook.formulas.compose import number
+from derive.textbook.formulas.constants import Constants
+from derive.textbook.formulas.ring import Ring, rational
+from derive.textbook.formulas.rounding import leftovers
+from derive.textbook.writing.latex import article
 from tests.scenes import MODELS
 
 TURNED = """

@@ -1,6 +1,7 @@
 """No two things on a page look alike, and what belongs together looks so.
 
-Of derive.textbook: labels, names, notation, outputs.
+Of derive.textbook.formulas: labels, notation.
+Of derive.textbook: names, outputs.
 """
 
 import re
@@ -11,9 +12,9 @@ from derive.formulations import equations
 from derive.model import load, load_text
 from derive.states import system
 from derive.textbook.derivation import derivation
-from derive.textbook.labels import labels
+from derive.textbook.formulas.labels import labels
 from derive.textbook.records import Display, Document, Math, Table
-from derive.textbook.write_latex import article
+from derive.textbook.writing.latex import article
 from tests.scenes import MODELS
 
 TWINS = """

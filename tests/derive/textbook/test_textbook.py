@@ -1,8 +1,11 @@
 """What the textbook prints is evaluated, formula by formula, and must equal what is compiled.
 
-Of derive.textbook: charts, choice, complement, compose, constraints, dependent, elimination,
-energy, given, graph, interaction, inverse, kinematics, layout, linear, manuscript, methods,
-motion, multipliers, notation, outputs, pages, projected, prose, records, ring, sentences, terms.
+Of derive.textbook: charts, choice, complement, constraints, dependent, elimination, energy,
+interaction, inverse, kinematics, linear, manuscript, methods, motion, multipliers, outputs,
+projected, prose, records.
+Of derive.textbook.formulas: compose, graph, layout, notation, ring, terms.
+Of derive.textbook.given: model, sentences.
+Of derive.textbook.writing: pages.
 """
 
 import functools
@@ -25,14 +28,14 @@ from derive.model import load, load_text
 from derive.states import system
 from derive.states.sampling import states
 from derive.textbook import html, latex, laws, printed
-from derive.textbook.convert import Reader
 from derive.textbook.derivation import derivation
+from derive.textbook.formulas.convert import Reader
+from derive.textbook.formulas.typeset import Typesetter
 from derive.textbook.manuscript import Manuscript
-from derive.textbook.mathml import mathml
 from derive.textbook.names import per_second, symbol, velocity
-from derive.textbook.typeset import Typesetter
-from derive.textbook.write_html import page
-from derive.textbook.write_latex import article, escape
+from derive.textbook.writing.html import page
+from derive.textbook.writing.latex import article, escape
+from derive.textbook.writing.mathml import mathml
 from tests.loops import four_bars
 from tests.scenes import MODELS, ROOT, is_tree
 

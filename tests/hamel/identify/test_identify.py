@@ -1,6 +1,6 @@
 """Base parameters have the counts by the rule of the literature, and noisy motions give them back.
 
-Of derive.mechanics: regrouping.
+Of derive.mechanics.regression: regrouping.
 Of hamel.identify: base, estimate, excitation, fit, limits, measured, page, writing.
 Of hamel.verbs: identify.
 """

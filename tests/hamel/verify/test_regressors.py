@@ -2,7 +2,7 @@
 seen.
 
 Of hamel.verify.checks: regressor.
-Of derive.mechanics: inertial_rows, regressor.
+Of derive.mechanics.regression: inertial_rows, regressor.
 Of derive.formulations: regression.
 """
 
@@ -17,7 +17,7 @@ from codegen.passes import program
 from derive.diagnostics import AssumptionError
 from derive.formulations import equations
 from derive.formulations.evaluate import evaluator, function_of
-from derive.mechanics.regressor import parameters
+from derive.mechanics.regression.regressor import parameters
 from derive.model import load, load_text
 from derive.states import system
 from hamel.verify.checks import regressor

@@ -1,0 +1,1 @@
+"""Long code made short: loops over links, statements written once, functions in parts."""

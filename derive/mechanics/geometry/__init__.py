@@ -1,0 +1,1 @@
+"""Where points, frames, paths and surfaces are, and how they move."""

@@ -1,0 +1,1 @@
+"""Sweeps over the tree of links: poses, motion, mass, and the equations solved link by link."""

@@ -1,0 +1,1 @@
+"""Inverse dynamics, linear in inertial parameters, and which of them act together."""

@@ -1,0 +1,1 @@
+"""From a CasADi graph to a formula as one writes it, and its lines on the page."""

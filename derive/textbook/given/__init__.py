@@ -1,0 +1,1 @@
+"""What the model file says, a table for each kind of thing."""

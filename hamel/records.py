@@ -349,7 +349,9 @@ class Linearized:
     stable: tuple[
         tuple[float, float], ...
     ]  # intervals of the swept name without an unstable eigenvalue
+    unstable: tuple[tuple[float, float], ...]  # the same with one
     breaks: tuple[int, ...]  # rows on another branch of steady motions than the row before
+    absent: tuple[int, ...]  # rows without a steady motion, which have no eigenvalues
     seconds: Mapping[str, float]
     step: float | None  # s; δx(t + step) = Φ δx + Γ δu where it is given
     Phi: Sequence[Sequence[float]] | None

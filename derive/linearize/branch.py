@@ -45,19 +45,27 @@ def family(found: Problem, origin: Place, p: np.ndarray, s: np.ndarray) -> Stead
 
     It is continued to the row nearest to the origin, and from there to both ends, row by row, with
     straight lines where those will do. Where the branch ends, another one is followed, and `breaks`
-    says so. Raises AssumptionError where a row has no steady motion.
+    says so; where none is found, a row has no motion, and `absent` says so. Raises AssumptionError
+    where no row has one.
     """
     rows, nx = np.hstack([p, s]), found.equations.arguments[1].symbols.numel()
-    y = np.zeros((len(p), len(origin.y)))
+    y = np.full((len(p), len(origin.y)), np.nan)
     nearest = _nearest(rows, np.concatenate([origin.p, origin.s]))
-    y[nearest] = _reached(found, origin, p[nearest], s[nearest])
+    problem = None
+    try:
+        y[nearest] = _reached(found, origin, p[nearest], s[nearest])
+    except AssumptionError as error:
+        problem = error
     down = range(nearest, -1, -1)
     up = range(nearest, len(p))
     broken = {k + 1 for k in _followed(found, p, s, y, down)}
     broken |= {*_followed(found, p, s, y, up)}
+    absent = np.flatnonzero(np.isnan(y[:, :1]).any(axis=1)).tolist()
+    if problem and len(absent) == len(p):
+        raise problem
     R = residuals_of(found, y, p, s)
     worst = np.max(np.abs(R), axis=1, initial=0.0)
-    return Steady(y[:, :nx], y[:, nx:], p, worst, tuple(sorted(broken)))
+    return Steady(y[:, :nx], y[:, nx:], p, worst, tuple(sorted(broken)), tuple(absent))
 
 
 def is_near(found: Problem, y: np.ndarray, ahead: np.ndarray, before: np.ndarray) -> np.ndarray:
@@ -127,36 +135,51 @@ def _placed(problem: Diagnostic, where: Mapping[str, str]) -> Diagnostic:
 def _followed(
     found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, rows: Sequence[int]
 ) -> list[int]:
-    """Fill the rows after the first of `rows`; those that are on another branch than the one
-    before them."""
+    """Fill the rows after the first of `rows`, where they have a motion; those that are on another
+    branch than the one before them."""
     if len(rows) < 2 or _straight(found, p, s, y, rows):
         return []
     broken: list[int] = []
     for before, k in pairwise(rows):
-        place = Place(p[before], s[before], y[before])
-        try:
-            y[k], leapt = _way(found, place, (p[k], s[k]))
-        except AssumptionError:
-            y[k], leapt = _anew(found, p[k], s[k], place), True
-        broken += [k] if leapt else []
+        place, leapt = Place(p[before], s[before], y[before]), True
+        with suppress(AssumptionError):
+            y[k], leapt = _next_row(found, place, (p[k], s[k]))
+        known = not np.isnan(y[[before, k]]).any()
+        broken += [k] if leapt and known else []
     return broken
+
+
+def _next_row(
+    found: Problem, before: Place, to: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, bool]:
+    """The motion of a row, and whether it is on another branch than the one before. Raises
+    AssumptionError where it has none."""
+    if not np.isnan(before.y).any():
+        with suppress(AssumptionError):
+            return _way(found, before, to)
+    return _anew(found, *to, before), True
 
 
 def _straight(
     found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, rows: Sequence[int]
 ) -> bool:
-    """Fill the rows by the chord to the last of them, where every motion on it is steady."""
+    """Fill the rows by the chord to the last of them, where every motion on it is steady; else
+    none."""
     first, last, inner = rows[0], rows[-1], list(rows[1:-1])
+    if np.isnan(y[first]).any():
+        return False
     try:
-        y[last] = solved(found, p[last], s[last], y[first])
+        end = solved(found, p[last], s[last], y[first])
     except AssumptionError:  # too far at once
         return False
     parts = _parts(np.hstack([p, s]), first, last, inner)
-    y[inner] = y[first] + parts[:, np.newaxis] * (y[last] - y[first])
-    looked_at = [(x[first] + x[last]) / 2 for x in (y, p, s)]
-    chord = [np.vstack([x[inner], middle]) for x, middle in zip((y, p, s), looked_at)]
-    off = np.max(np.abs(residuals_of(found, *chord)))
-    return bool(off <= STRAIGHT * (1 + np.max(np.abs(chord[0]))))
+    chord = y[first] + np.append(parts, 0.5)[:, np.newaxis] * (end - y[first])
+    values = [np.vstack([x[inner], (x[first] + x[last]) / 2]) for x in (p, s)]
+    off = np.max(np.abs(residuals_of(found, chord, *values)))
+    if not off <= STRAIGHT * (1 + np.max(np.abs(chord))):
+        return False
+    y[inner], y[last] = chord[:-1], end
+    return True
 
 
 def _way(

@@ -4,12 +4,13 @@ functions.
 `zero`: a real eigenvalue passes zero (det A = 0). `hopf`: a pair passes the imaginary axis (Re λ =
 0), or two pairs meet on it and part ((λ₁ − λ₂)² = 0 of the two above the real axis). `double`: two
 real eigenvalues meet and part as a pair ((λ₁ − λ₂)² = 0, which is smooth and as exact as A, though
-each λ is only good to √ε there).
+each λ is only good to √ε there). `fold`: the branch of motions turns back, and a real eigenvalue is
+zero; that is found along the branch (derive.linearize.fold).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,19 +31,16 @@ class Critical:
     eigenvalue: complex
 
 
-def critical_values(
-    matrix: Matrix, values: np.ndarray, found: np.ndarray, breaks: Sequence[int]
-) -> tuple[Critical, ...]:
-    """All changes between neighbouring `values`, whose eigenvalues are the rows of `found`; none
-    where `breaks` says that a row is of another branch than the one before.
+def critical_values(matrix: Matrix, values: np.ndarray, found: np.ndarray) -> tuple[Critical, ...]:
+    """All changes between neighbouring `values` of one branch, whose eigenvalues are the rows of
+    `found`.
 
     An interval whose ends differ in kind is halved until one change is left in it, then the change
     is located as a root to the last digits. Two changes that cancel between neighbouring values are
     not seen: that is a matter of how finely is swept.
     """
     kinds = [signature(row) for row in found]
-    pairs = [k for k in range(len(values) - 1) if k + 1 not in breaks]
-    changes = [k for k in pairs if kinds[k] != kinds[k + 1]]
+    changes = [k for k in range(len(values) - 1) if kinds[k] != kinds[k + 1]]
     return tuple(
         c
         for k in changes
@@ -68,6 +66,11 @@ def _between(
     here = signature(eigenvalues(matrix(middle)[np.newaxis])[0])
     yield from _between(matrix, a, middle, at_a, here, depth + 1)
     yield from _between(matrix, middle, b, here, at_b, depth + 1)
+
+
+def turning(value: float, spectrum: NDArray[np.complex128]) -> Critical:
+    """The branch turns back at this value, where its eigenvalues are these."""
+    return Critical("fold", value, _changing("zero", spectrum))
 
 
 def _kind(a: Signature, b: Signature) -> str:

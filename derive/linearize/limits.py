@@ -57,6 +57,14 @@ LITTLE = 0.02  # of the largest change: what an unknown may do that does not cha
 HALF_KNOWN = 1e-3  # in the model's own units: a motion where branches meet is known so well
 ROUNDED_AWAY = 1e-5  # in the model's own units: a largest change below this is taken for so much
 
+# fold
+ARC = 0.02  # the first step along a branch, in the model's own units and the way of the values
+ARC_LEAST = 1e-9  # a shorter one is none: the branch ends there
+ARC_STEPS = 300  # at most
+ARC_ROUNDS = 8  # of Newton's method on the curve: more is no convergence from so near
+ARC_STANDS = 1e-12  # a correction below this is the last
+ARC_TURN = 0.9  # cosine of what the tangent may turn in a step
+
 # steady
 STANDS = 1e-15  # a step of the iteration below this, relative to 1 + |y|, is its last
 STRAIGHT = 1e-13  # residual, against 1 + |y|, up to which a course is a straight line

@@ -51,10 +51,12 @@ class Linear:
 @dataclass(frozen=True)
 class Steady:
     """A steady motion: state and inputs, one row for each of N sets of values; `residual` is the
-    worst of each row. `breaks` are rows on another branch than the row before."""
+    worst of each row. `breaks` are rows on another branch than the row before, `absent` rows for
+    which no steady motion was found: theirs are not numbers."""
 
     x: np.ndarray  # N × nx
     u: np.ndarray  # N × nu
     p: np.ndarray  # N × np
     residual: np.ndarray
     breaks: tuple[int, ...] = ()
+    absent: tuple[int, ...] = ()

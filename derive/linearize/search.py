@@ -43,7 +43,7 @@ def _solved(
     """In the model's own units."""
     y, free = with_inputs(found, y, p, s)
     D = found.scale
-    rates = row_sizes(found, _evaluated(found, found.function, y, p, s)[1])
+    rates = row_sizes(found, slopes_at(found, y, p, s)[1])
     rows = balance.sizes(y, p, rates)
     step, done = np.zeros_like(y), False
     for _ in range(STEADY_STEPS):
@@ -54,7 +54,7 @@ def _solved(
             break
     if not done and _share(found, step, y) > STRAYS:
         raise _lost(found, y, step)
-    R, J = _evaluated(found, found.function, y, p, s)
+    R, J = slopes_at(found, y, p, s)
     worst = _excess(R / rates, J * D / rates[:, None], y / D)
     if not np.all(np.isfinite(R)) or np.max(worst, initial=0.0) > KEPT:
         raise _refused(found, R, worst, s)
@@ -72,10 +72,8 @@ def foreseen(
     own_p, own_s, own = place
     y, free = with_inputs(found, own, p, s)
     D = found.scale
-    J = _evaluated(found, found.function, own, own_p, own_s)[1]
-    nx = found.equations.arguments[1].symbols.numel()
-    shifts = np.asarray(found.shifts(own[:nx], own[nx:], own_p, own_s))
-    R = shifts @ np.append(p - own_p, s - own_s) + J @ (y - own)
+    J = slopes_at(found, own, own_p, own_s)[1]
+    R = shifts_at(found, own, own_p, own_s) @ np.append(p - own_p, s - own_s) + J @ (y - own)
     if not np.all(np.isfinite(R)):
         raise _singular(found)
     rows = row_sizes(found, J)
@@ -131,6 +129,19 @@ def _evaluated(
     if not (np.all(np.isfinite(R)) and np.all(np.isfinite(J))):
         raise _singular(found)
     return R, J
+
+
+def slopes_at(
+    found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """R and J = ∂R/∂y at y = (x, u). Raises AssumptionError where they are not finite."""
+    return _evaluated(found, found.function, y, p, s)
+
+
+def shifts_at(found: Problem, y: np.ndarray, p: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """∂R/∂(p, s) at y = (x, u)."""
+    nx = found.equations.arguments[1].symbols.numel()
+    return np.asarray(found.shifts(y[:nx], y[nx:], p, s))
 
 
 def _singular(found: Problem) -> AssumptionError:

@@ -104,9 +104,15 @@ class Study:
         s = [columns[name] for name in self.problem.motion.sweepable]
         return np.array(p).reshape(len(p), many).T, np.array(s).reshape(len(s), many).T
 
+    def value(self, name: str, place: Place) -> float:
+        """Of a parameter or a free name, at one motion."""
+        names = (*self.equations.arguments[3].labels, *self.problem.motion.sweepable)
+        return float(np.append(place.p, place.s)[names.index(name)])
+
     def motions(self, sweep: Columns, origin: Place | None = None) -> Steady:
         """The steady motions, one for each row of values, on the branch through the study's own
-        motion, or another `origin`. Raises AssumptionError where there is none."""
+        motion, or another `origin`; where a row has none, `absent` says so. Raises AssumptionError
+        where there is none at all."""
         return family(self.problem, origin or self.origin, *self.values(sweep))
 
     def full(self, motions: Steady) -> np.ndarray:

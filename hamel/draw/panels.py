@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 from hamel.draw.axis import Axis, linear, logarithmic
-from hamel.draw.canvas import COLOURS, ENTRY, Frame, document, element, finite, polyline, text
+from hamel.draw.canvas import COLOURS, ENTRY, Frame, document, element, polyline, text
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, GAP = 760, 150, 74, 150, 52, 46
 MOST_POINTS = 1500
@@ -56,13 +58,20 @@ def _panel(panel: Panel, x: Sequence[float], along: Axis, top: int) -> list[str]
 
 def _curves(panel: Panel, x: Sequence[float], frame: Frame) -> list[str]:
     """Thinned to what can be seen, the end among it."""
-    every = max(1, len(x) // MOST_POINTS)
-    rows = [*range(0, len(x) - 1, every), len(x) - 1]
-    lines = []
+    every, lines = max(1, len(x) // MOST_POINTS), []
     for index, curve in enumerate(panel.curves):
-        points = frame.points((x[k], float(curve.values[k])) for k in rows)
-        lines.append(polyline(finite(points), stroke=_colour(index)))
+        for run in _runs(x, curve.values):
+            rows = [*run[:-1:every], run[-1]]
+            points = frame.points((x[k], float(curve.values[k])) for k in rows)
+            lines.append(polyline(points, stroke=_colour(index)))
     return lines
+
+
+def _runs(x: Sequence[float], values: Sequence[float]) -> list[list[int]]:
+    """Rows that follow each other and are numbers: no line is drawn across others."""
+    there = [math.isfinite(a) and math.isfinite(b) for a, b in zip(x, values)]
+    groups = groupby(range(len(there)), key=there.__getitem__)
+    return [[*rows] for known, rows in groups if known]
 
 
 def _legend(panel: Panel, frame: Frame) -> list[str]:

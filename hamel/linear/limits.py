@@ -12,6 +12,10 @@ NOTHING = 1e-12  # a constant of the motion below this is zero
 ROUNDOFF = 1e-13  # of the largest entry: an entry below this is zero
 REAL = 1e-9  # of its size: a slope with less of an imaginary part is real
 
+# courses
+# of the way along a branch from the last row to a fold: eigenvalues are looked at so far on it
+INSIDE = 1 - 1e-6
+
 # words
 SEEN = 0.01  # relative amplitude below which a coordinate is not mentioned
 # of the largest amplitude, in the model's own units: less may be the rounding of a mode

@@ -34,7 +34,7 @@ from hamel.linear.limits import (
 )
 from hamel.linear.ranges import Range, own_ranges
 from hamel.linear.sweep import Sweep, swept
-from hamel.linear.words import branches, course, shape, unstable_ranges
+from hamel.linear.words import branches, course, shape, without
 from hamel.records import Linearized
 
 
@@ -220,6 +220,7 @@ KINDS = {
     "zero": "a real eigenvalue passes zero",
     "hopf": "a pair passes the imaginary axis (Hopf)",
     "double": "two real eigenvalues meet and part as a pair",
+    "fold": "the branch of steady motions turns back (a fold)",
 }
 
 
@@ -242,11 +243,11 @@ def _critical(name: str, record: Linearized) -> str:
     ]
     head = ("what happens", f"at {name}", "eigenvalue (1/s)")
     table = _table(head, rows) if rows else "<p>No change in the range.</p>"
-    if said := branches(record):
+    for said in filter(None, (branches(record), without(record))):
         table += f"<p>{escape(said[0].upper() + said[1:])}.</p>"
     ranges = "; ".join(f"{a:.10g} to {b:.10g}" for a, b in record.stable)
     if ranges:
-        rest = "; ".join(f"{a:.10g} to {b:.10g}" for a, b in unstable_ranges(record))
+        rest = "; ".join(f"{a:.10g} to {b:.10g}" for a, b in record.unstable)
         grows = f" Some mode grows from {rest}." if rest else ""
         return f"{table}<p>No mode grows for {escape(name)} from {ranges}.{grows}</p>"
     return f"{table}<p>At every value of {escape(name)} looked at some mode grows.</p>"

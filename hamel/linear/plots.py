@@ -14,6 +14,7 @@ from hamel.linear.sweep import Sweep
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 560, 380, 70, 20, 30, 46
 AXIS = ".axis{stroke:#444;stroke-dasharray:4 3}"
 DECAYING = "#4a90c4"  # of a map where no mode grows
+NO_MOTION = "#d0d0d0"  # of a map where no motion is steady
 PALE, DARK = (170, 205, 235), (0, 40, 90)  # the first and the last value of a range
 FAINT, STRONG = (255, 245, 235), (190, 40, 20)  # modes that hardly grow, and the one that does most
 
@@ -41,12 +42,20 @@ def _matched(expected: np.ndarray, values: np.ndarray) -> list[int]:
 def over_range(sweep: Sweep) -> str:
     """Real and imaginary parts over the swept name."""
     name = sweep.names[0]
-    columns = branches(sweep.spectra).T
+    x, columns = _curves(sweep)
     panels = [
         _panel("real parts (1/s)", columns.real),
         _panel("imaginary parts (rad/s)", columns.imag),
     ]
-    return draw(f"eigenvalues over {name}", sweep.labels[0], sweep.values[:, 0].tolist(), panels)
+    return draw(f"eigenvalues over {name}", sweep.labels[0], x.tolist(), panels)
+
+
+def _curves(sweep: Sweep) -> tuple[np.ndarray, np.ndarray]:
+    """Values and eigenvalues (k × N), course by course, with what is no number between them."""
+    gap = np.full((1, sweep.spectra.shape[1]), complex(np.nan, np.nan))
+    x = [np.append(course.values, np.nan) for course in sweep.courses]
+    spectra = [np.vstack([branches(course.spectra), gap]) for course in sweep.courses]
+    return np.concatenate(x), np.concatenate(spectra).T
 
 
 def _panel(about: str, columns: np.ndarray) -> Panel:
@@ -56,10 +65,11 @@ def _panel(about: str, columns: np.ndarray) -> Panel:
 
 def root_locus(sweep: Sweep) -> str:
     """The eigenvalues in their plane, from pale to dark as the swept value rises."""
-    points = sweep.spectra.ravel()
+    there = np.setdiff1d(np.arange(len(sweep.spectra)), sweep.absent)
+    points = sweep.spectra[there].ravel()
     frame = _frame(linear(points.real.tolist()), linear(points.imag.tolist()))
     rows, columns = sweep.spectra.shape
-    shades = np.repeat(np.arange(rows) / max(rows - 1, 1), columns)
+    shades = np.repeat(there / max(rows - 1, 1), columns)
     parts = []
     if frame.along.low < 0 < frame.along.high:
         zero = frame.x(0)
@@ -78,7 +88,11 @@ def stability_map(sweep: Sweep) -> str:
     """The largest real part over two names: blue where all decays, from white to red where
     something grows."""
     outer, inner = sweep.names
-    share = f"{np.mean(~sweep.unstable):.0%} of the map without a growing mode"
+    there = np.setdiff1d(np.arange(len(sweep.values)), sweep.absent)
+    calm = np.sum(~sweep.grows[there]) / len(sweep.values)
+    share = f"{calm:.0%} of the map without a growing mode"
+    if sweep.absent:
+        share += f", {len(sweep.absent) / len(sweep.values):.0%} without a steady motion (grey)"
     up, along = (np.unique(sweep.values[:, k]) for k in (0, 1))
     frame = _frame(linear(along.tolist(), tight=True), linear(up.tolist(), tight=True))
     width, height = frame.width / len(along), frame.height / len(up)
@@ -97,10 +111,13 @@ def stability_map(sweep: Sweep) -> str:
 
 def _colours(sweep: Sweep) -> list[str]:
     """One for each row of the sweep."""
-    growth = np.max(sweep.spectra.real, axis=1)
+    growth = np.nan_to_num(np.max(sweep.spectra.real, axis=1), nan=0.0)
     most = float(np.max(growth, initial=0.0)) or 1.0
     warm = [_between(FAINT, STRONG, np.clip(x / most, 0, 1) ** 0.5) for x in growth]
-    return [x if grows else DECAYING for x, grows in zip(warm, sweep.unstable)]
+    colours = [x if grows else DECAYING for x, grows in zip(warm, sweep.grows)]
+    for k in sweep.absent:
+        colours[k] = NO_MOTION
+    return colours
 
 
 def _between(first: Sequence[int], last: Sequence[int], part: float) -> str:

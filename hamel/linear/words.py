@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 
 import numpy as np
 
@@ -29,14 +30,6 @@ def course(eigenvalue: complex) -> str:
     return f"oscillates at {abs(eigenvalue.imag) / (2 * math.pi):.3g} Hz and {change}"
 
 
-def unstable_ranges(record: Linearized) -> list[tuple[float, float]]:
-    """What the stable intervals of the one swept name leave of its range."""
-    values = [row[record.swept[0]] for row in record.rows]
-    ends = [values[0], *(edge for interval in record.stable for edge in interval), values[-1]]
-    gaps = {(values[k - 1], values[k]) for k in record.breaks}
-    return [(a, b) for a, b in zip(ends[::2], ends[1::2]) if a != b and (a, b) not in gaps]
-
-
 def branches(record: Linearized) -> str:
     """Where the branch of steady motions ends and another one is followed; "" where none does."""
     if not record.breaks:
@@ -48,6 +41,21 @@ def branches(record: Linearized) -> str:
     places = [f"{name} = {before[name]:.6g} and {after[name]:.6g}" for before, after in ends]
     between = ", and between ".join(places)
     return f"the branch of steady motions ends between {between}: rows beyond are of another one"
+
+
+def without(record: Linearized) -> str:
+    """Where there is no steady motion; "" where there is one at every row."""
+    if not record.absent:
+        return ""
+    if len(record.swept) != 1:
+        return f"no steady motion was found at {len(record.absent)} places of the map"
+    name, rows = record.swept[0], record.rows
+    places = []
+    for _, group in groupby(enumerate(record.absent), lambda pair: pair[1] - pair[0]):
+        run = [k for _, k in group]
+        first, last = rows[run[0]][name], rows[run[-1]][name]
+        places.append(f"{first:.6g}" if len(run) == 1 else f"{first:.6g} … {last:.6g}")
+    return f"no steady motion was found at {name} = {', '.join(places)}"
 
 
 def shape(study: Study, mode: Mode) -> str:

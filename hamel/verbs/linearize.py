@@ -31,7 +31,7 @@ from hamel.linear.limits import SAME
 from hamel.linear.page import page
 from hamel.linear.ranges import ranges, started, values
 from hamel.linear.sweep import Sweep, swept
-from hamel.linear.words import branches, course, shape, unstable_ranges
+from hamel.linear.words import branches, course, shape, without
 from hamel.records import CriticalValue, Linearized, ModeOf, UnreducedForm
 from hamel.show import durations, table
 
@@ -138,7 +138,9 @@ def _record(study: Study, made: Sweep, clock: Clock) -> Linearized:
             for c in made.critical
         ),
         stable=made.stable,
+        unstable=made.unstable,
         breaks=made.breaks,
+        absent=made.absent,
         modes=tuple(_mode(study, mode) for mode in modes(study)),
         unreduced=_unreduced(study, motions),
         seconds=clock.seconds,
@@ -172,16 +174,16 @@ def _sampled(study: Study, step: float) -> dict[str, Any]:
 
 
 def _rows(study: Study, made: Sweep) -> list[dict[str, Any]]:
-    """Per motion: swept values, eigenvalues, and how many of the states are spurious (more than the
-    minimal number)."""
-    spurious = study.spurious
+    """Per motion: swept values, eigenvalues (none where there is no motion), and how many of the
+    states are spurious (more than the minimal number)."""
+    spurious, absent = study.spurious, {*made.absent}
     return [
         {
             **dict(zip(made.names, row.tolist())),
-            "eigenvalues": [_pair(x) for x in spectrum],
+            "eigenvalues": [] if k in absent else [_pair(x) for x in spectrum],
             "spurious": spurious,
         }
-        for row, spectrum in zip(made.values, made.spectra)
+        for k, (row, spectrum) in enumerate(zip(made.values, made.spectra))
     ]
 
 
@@ -204,12 +206,13 @@ def show(record: Linearized, console: Console) -> None:
     zeros += [f"{record.families} along families of steady motions"] if record.families else []
     if zeros:
         console.print(f"  zero eigenvalues taken out: {'; '.join(zeros)}")
+    absent = {*record.absent}
     rows = [
         (
             *(f"{row[name]:.6g}" for name in record.swept),
-            "  ".join(map(_complex, row["eigenvalues"])),
+            "no steady motion" if k in absent else "  ".join(map(_complex, row["eigenvalues"])),
         )
-        for row in record.rows
+        for k, row in enumerate(record.rows)
     ]
     every = max(1, len(rows) // MOST_ROWS)
     heads = (*record.swept, "eigenvalues (1/s)")
@@ -224,26 +227,32 @@ def show(record: Linearized, console: Console) -> None:
     for mode in record.modes:
         what = "; ".join(filter(None, (mode.course, mode.shape)))
         console.print(f"{_complex(mode.eigenvalue)}: {what}")
+    _show_changes(record, console)
+    console.print(f"  time  {durations(record.seconds)}")
+    if record.page:
+        console.print(f"  read  {record.page}")
+
+
+def _show_changes(record: Linearized, console: Console) -> None:
+    """What happens along a range, and where the motion is stable."""
     for c in record.critical:
         console.print(
             f"{KINDS[c.kind]} at {c.name} = {c.value:.15g}, eigenvalue {_complex(c.eigenvalue)}"
         )
-    if record.breaks:
-        console.print(branches(record))
+    for said in (branches(record), without(record)):
+        if said:
+            console.print(said)
     for first, last in record.stable:
         console.print(
             f"no unstable eigenvalue for {record.swept[0]} from {first:.15g} to {last:.15g}"
         )
-    for first, last in unstable_ranges(record) if record.stable else ():
+    for first, last in record.unstable if record.stable else ():
         console.print(
             f"unstable eigenvalues for {record.swept[0]} from {first:.15g} to {last:.15g}"
         )
     grows = not record.stable and any(row["eigenvalues"] for row in record.rows)
     if grows and len(record.swept) == 1:
         console.print(f"no stable value of {record.swept[0]} in the range")
-    console.print(f"  time  {durations(record.seconds)}")
-    if record.page:
-        console.print(f"  read  {record.page}")
 
 
 def _nothing(record: Linearized) -> str:
@@ -259,6 +268,7 @@ KINDS = {
     "zero": "a real eigenvalue passes zero",
     "hopf": "a pair passes the imaginary axis",
     "double": "two real eigenvalues meet and part as a pair",
+    "fold": "the branch of steady motions turns back",
 }
 
 

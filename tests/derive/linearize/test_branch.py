@@ -1,6 +1,7 @@
 """Motions of a sweep are on one branch, and where it ends is said.
 
-Of derive.linearize: branch, nearest.
+Of derive.linearize: branch, fold, nearest.
+Of hamel.linear: courses.
 """
 
 from __future__ import annotations
@@ -109,8 +110,11 @@ def test_a_branch_that_ends_is_said(tmp_path: Path) -> None:
     path = written(tmp_path, TRUSS)
     found = hamel.linearize(path, sweep={"F": "0:6:13"})
     assert found.breaks == (7,)
-    assert found.stable == ((0.0, 3.0), (3.5, 6.0))
-    assert found.critical == ()
+    double, fold = found.critical
+    assert (double.kind, fold.kind) == ("double", "fold")
+    assert found.stable == ((0.0, fold.value), (3.5, 6.0))
+    lengths = np.sqrt(1 + (y := np.sqrt(1.1 ** (2 / 3) - 1)) ** 2)  # where dF/dy = 0
+    assert fold.value == pytest.approx(-200 * (lengths - 1.1) * y / lengths, rel=1e-13)
 
 
 # s = b and s = 0 pass through each other at b = 0; stable is s = b for b > 0.
@@ -171,12 +175,76 @@ def test_motions_made_at_once_go_round_bends() -> None:
         assert np.max(np.abs(motions.x[:, 0] - wanted)) < 1e-6
 
 
-def test_a_row_without_a_motion_is_named(tmp_path: Path) -> None:
+def test_rows_without_a_motion_are_left_empty_and_told(tmp_path: Path) -> None:
+    """They refused the whole range."""
     path = written(tmp_path, PENDULUM)
+    found = hamel.linearize(path, sweep={"m": "0:2:3"})
+    assert found.absent == (0,)
+    assert [len(row["eigenvalues"]) for row in found.rows] == [0, 2, 2]
+    assert found.stable == ((1.0, 2.0),)
     with pytest.raises(AssumptionError, match="at m = 0: the equations of 'auto' are singular"):
-        hamel.linearize(path, sweep={"m": "0:2:3"})
-    with pytest.raises(AssumptionError, match="near the initial values with tau = 10: der"):
-        hamel.linearize(path, sweep={"tau": "0:12:13"})
+        hamel.linearize(path, sweep={"m": "0:0:2"})
+
+
+def test_a_branch_ends_where_it_turns_back(tmp_path: Path) -> None:
+    """m g sin q = tau has no solution beyond tau = m g."""
+    path = written(tmp_path, PENDULUM)
+    found = hamel.linearize(path, sweep={"tau": "0:12:13"}, out=tmp_path)
+    assert found.absent == (10, 11, 12)
+    (fold,) = found.critical
+    assert (fold.kind, fold.value) == ("fold", pytest.approx(9.81, rel=1e-13))
+    assert found.stable == ((0.0, fold.value),)
+    page = (tmp_path / "linearization.html").read_text("utf-8")
+    assert "No steady motion was found at tau = 10 … 12." in page
+
+
+# A plate on a spring that a voltage pulls to another one, from which it is d apart: at s = d/3 it
+# snaps to it (Senturia, Microsystem Design, 2001: V² = 8 k d³/27 εA).
+PLATE = """
+model: plate
+plane: xy
+parameters: {m: 1e-9 kg, k: 2 N/m, d: 2 um, V: 1}
+bodies: {b: {mass: m}}
+joints: {j: {type: prismatic, parent: ground, child: b, axis: x, coordinate: s}}
+loads:
+  spring: {type: spring, joint: j, stiffness: k}
+  field: {type: expression, joint: j, expression: "(1e-18 N*m^2)*V^2/(2*(d - s)^2)"}
+  film: {type: damper, joint: j, coefficient: 1e-6 N*s/m}
+initial: {s: 0 m}
+"""
+
+
+@pytest.mark.parametrize("range_", ["0:3:16", "3:0:16", "2.1:2.3:3"])
+def test_pull_in_is_found_to_the_last_digits(range_: str, tmp_path: Path) -> None:
+    found = hamel.linearize(written(tmp_path, PLATE), sweep={"V": range_})
+    (fold,) = (c for c in found.critical if c.kind == "fold")
+    assert fold.value == pytest.approx(np.sqrt(8 * 2 * (2e-6) ** 3 / (27 * 1e-18)), rel=1e-13)
+    (double,) = (c for c in found.critical if c.kind == "double")
+    assert 0 < fold.value - double.value < 1e-8
+    assert {edge for ends in found.stable for edge in ends} >= {fold.value}
+    assert not found.unstable
+
+
+def test_a_range_may_begin_beyond_a_fold(tmp_path: Path) -> None:
+    """x³ − x = b: the branch of x = 1 turns back at b = −2/√27."""
+    path = written(
+        tmp_path, CROSSING.replace("b*s - s^2", "b + s - s^3").replace("s: -1 ", "s: 1 ")
+    )
+    found = hamel.linearize(path, values={"b": 0.0}, sweep={"b": "-1:1:9"})
+    values = [c.value for c in found.critical if c.kind == "fold"]
+    assert values == pytest.approx([-2 / np.sqrt(27)], rel=1e-13)
+    assert found.absent == (0, 1, 2)
+    assert found.stable == ((values[0], 1.0),)
+
+
+def test_a_map_has_places_without_a_motion(tmp_path: Path) -> None:
+    path = written(tmp_path, PENDULUM)
+    found = hamel.linearize(path, sweep={"tau": "0:12:4", "m": "0.5:2:4"}, out=tmp_path)
+    for k, row in enumerate(found.rows):
+        assert (k in found.absent) == (row["tau"] > 9.81 * row["m"])
+        assert bool(row["eigenvalues"]) == (k not in found.absent)
+    text = (tmp_path / "linearization.html").read_text("utf-8")
+    assert f"{len(found.absent) / 16:.0%} without a steady motion" in text
 
 
 def test_inputs_can_be_given_to_what_is_found_near_the_initial_values(tmp_path: Path) -> None:

@@ -146,7 +146,7 @@ static double behind(Run *r, const Trial *to, double h, double *z)
     return kink_at(r, to->kink - 1, to->end + h, z);
 }
 
-/* How far behind a step the kink is, that way; `most` where it is no nearer. */
+/* How far behind a step the kink is, that way; less than nothing where it is no nearer than `most`, or by rounding behind that. */
 static double carried_root(Run *r, const Trial *to, double g, double most)
 {
     double z[N], a = 0.0, b = fmin(most, to->h), ga = g, gb = behind(r, to, b, z);
@@ -154,7 +154,7 @@ static double carried_root(Run *r, const Trial *to, double g, double most)
     if (!(ga * gb < 0.0) && b < most)
         gb = behind(r, to, b = most, z);
     if (!(ga * gb < 0.0))
-        return most;
+        return ga * behind(r, to, most + 4.0 * DBL_EPSILON * fmax(fabs(to->end + most), most), z) < 0.0 ? most : -1.0;
     for (n = 0; n < FINE && b - a > DBL_EPSILON * most; n++) {
         double c = n % 4 == 3 ? 0.5 * (a + b) : b - gb * (b - a) / (gb - ga), gc;
         if (!(c > a && c < b))
@@ -195,11 +195,16 @@ typedef struct {
    it may have been beyond. */
 static int is_near(Run *r, const Trial *whole, double g, Trial *to, Search *search)
 {
-    const double theta = to->h / whole->h;
+    const double theta = to->h / whole->h, most = (search->beyond - theta) * whole->h;
     const int fixed = r->s->step_size > 0.0;
     if (!(to->error <= 1.0))
         return !((search->off *= FARTHER) < FARTHEST);
-    to->left = carried_root(r, to, g, (search->beyond - theta) * whole->h);
+    to->left = carried_root(r, to, g, most);
+    if (to->left < 0.0 && search->beyond == 1.0 && (fixed || whole->error > 1.0)) {
+        to->kink = 0; /* a step that erred went across one, and nothing else says that there is any: the next step looks again */
+        return 1;
+    }
+    to->left = to->left < 0.0 ? most : to->left;
     if (carried_error(r, to, to->left) <= SAFE)
         return 1;
     if (search->off > 2.0 * CLOSE && !fixed) {
@@ -341,25 +346,84 @@ static int go_on(Run *r, Trial *to, double h, double later)
     return OK;
 }
 
-/* Across the kink that a step ended before, by no more than rounding; or up to `time` where that is nearer, and across with what comes
-   next where both are one. Returns JUMP where there is a blow. */
-static int across_kink(Run *r, double time, Trial *to)
+/* How far it is from where a step ended to behind the kink, by no more than rounding; or to `time` where that is nearer, and `later` is
+   then how far across what comes next is. 0 where no change of sign is near. */
+static double way_across(Run *r, double time, const Trial *to, double *later)
 {
     const double start = kink_at(r, to->kink - 1, to->end, to->z), left = time - to->end;
     double z[N], more = 2.0 * DBL_EPSILON * fmax(fabs(to->end), to->left);
     int n;
-    if (is_blow(r, to))
-        return JUMP;
     if (fabs(left - to->left) <= 4.0 * more) {
-        if (left > 0.0 && go_on(r, to, left, 4.0 * more) == OK)
-            to->end = time;
-        return OK;
+        *later = 4.0 * more;
+        return left > 0.0 ? left : 0.0;
     }
     for (n = 0; n < ATTEMPTS && to->end + to->left + more < time; n++, more *= 2.0)
-        if (start * behind(r, to, to->left + more, z) < 0.0) {
-            go_on(r, to, to->left + more, 0.0);
+        if (start * behind(r, to, to->left + more, z) < 0.0)
+            return to->left + more;
+    return 0.0;
+}
+
+/* Where function k of the events has its new sign, between the end of a step and h behind. */
+static double event_behind(Run *r, const Trial *to, int k, int sign, double h)
+{
+    double z[N], g[EVENTS_MOST], a = 0.0, b = h;
+    int n;
+    for (n = 0; n < FINE && b - a > DBL_EPSILON * b; n++) {
+        const double c = 0.5 * (a + b);
+        behind(r, to, c, z);
+        if (events_at(r, to->end + c, z, g) == OK && sign_of(g[k], -sign) == sign)
+            b = c;
+        else
+            a = c;
+    }
+    return b;
+}
+
+/* Looks for events on the way across, h long. Returns EVENT where one of them stops the motion, which has then gone as far. */
+static int events_across(Run *r, double h, Trial *to)
+{
+    Events *const e = r->s->events;
+    Inside in = {r, NULL, to->end, h, 0, OK};
+    double z[N], g[EVENTS_MOST], first[EVENTS_MOST] = {0.0};
+    int status;
+    behind(r, to, h, z);
+    status = events_at(r, to->end + h, z, g);
+    for (in.k = 0; in.k < count_of(e) && status == OK; in.k++) {
+        const int before = e->sign[in.k], after = sign_of(g[in.k], before);
+        first[in.k] = before && after != before ? event_behind(r, to, in.k, after, h) : INFINITY;
+    }
+    while (status == OK) {
+        int k, next = 0;
+        for (k = 1; k < count_of(e); k++)
+            next = first[k] < first[next] ? k : next;
+        if (!count_of(e) || !(first[next] <= h))
             break;
+        in.k = next;
+        e->sign[next] = -e->sign[next];
+        if (direction_of(e, next) * e->sign[next] >= 0 && (e->t || stop_of(e, next))) {
+            behind(r, to, first[next], z);
+            if (e->t)
+                status = recorded(&in, to->end + first[next], z);
+            if (status == OK && stop_of(e, next))
+                return go_on(r, to, first[next], 0.0) == OK ? EVENT : OK;
         }
+        first[next] = INFINITY;
+    }
+    return status;
+}
+
+/* Across the kink that a step ended before. Returns JUMP where there is a blow, EVENT where an event stops the motion on the way. */
+static int across_kink(Run *r, double time, Trial *to)
+{
+    double h, later = 0.0;
+    int status;
+    if (is_blow(r, to))
+        return JUMP;
+    h = way_across(r, time, to, &later);
+    if (h > 0.0 && r->s->events && (status = events_across(r, h, to)) != OK)
+        return status;
+    if (h > 0.0 && go_on(r, to, h, later) == OK && later > 0.0)
+        to->end = time;
     return OK;
 }
 #endif

@@ -456,6 +456,14 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
         trial.h = h;
         status = across_kink(r, time, &trial);
         h = trial.h, end = trial.end;
+        stops = status == EVENT;
+        if (status != OK && status != JUMP && !stops)
+            return status;
+#if HAS_GUARDS
+        if (stops && (status = looked(r, end, end - t, z, seen, &crossed)) != OK)
+            return status;
+#endif
+        status = stops ? OK : status;
     }
 #endif
     if (!fixed && !method->prepare) {

@@ -58,10 +58,11 @@ def kinks(motion: Motion, t: Any, y: np.ndarray) -> np.ndarray:
 class Search:
     """Where on its way a step is to end, in shares of the whole step: `before` is the farthest end
     on this side of the kink, `beyond` the nearest on the other, `place` about where the kink is,
-    and `off` how far before it a step is to end."""
+    and `off` how far before it a step is to end. `error` is that of the whole step."""
 
     place: float
     off: float
+    error: float
     before: float = 0.0
     beyond: float = 1.0
 
@@ -79,7 +80,7 @@ def landing(motion: Motion, step: Step, z: np.ndarray, error: float) -> Landing:
         return whole
     fixed = bool(motion.state["step_size"])
     start: Any = kinks(motion, step.t, step.y)[k]
-    search = Search(place, CLOSE_FIXED if fixed else CLOSE)
+    search = Search(place, CLOSE_FIXED if fixed else CLOSE, error)
     for _ in range(ATTEMPTS):
         try:
             short, z, error = motion.stepped(step.t, search.end * step.h, step.y, step.stages[0])
@@ -110,14 +111,19 @@ def _came_beyond(
 def _is_near(motion: Motion, whole: Step, trial: Landing, g: Any, search: Search) -> bool:
     """Whether a step that ended before the kink will do. If not, the next one is to end nearer, or
     farther away where it erred: a stage of it may have been beyond."""
-    theta = float(trial.step.h / whole.h)
+    theta, fixed = float(trial.step.h / whole.h), bool(motion.state["step_size"])
     if not trial.error <= 1:
         search.off *= FARTHER
         return not search.off < FARTHEST
-    trial.left = _carried_root(motion, trial, g, (search.beyond - theta) * whole.h)
+    most = (search.beyond - theta) * whole.h
+    left = _carried_root(motion, trial, g, most)
+    if left is None and search.beyond == 1 and (fixed or not search.error <= 1):
+        trial.number = 0  # a step that erred went across one, and nothing else says that there is
+        return True  # any: the next step looks again
+    trial.left = most if left is None else left
     if _carried_error(motion, trial) <= SAFE:
         return True
-    if search.off > 2 * CLOSE and not motion.state["step_size"]:
+    if search.off > 2 * CLOSE and not fixed:
         trial.number = 0  # as near as it can come without error; the next step looks again
         return True
     search.before = theta
@@ -129,35 +135,33 @@ def _is_near(motion: Motion, whole: Step, trial: Landing, g: Any, search: Search
 Place = tuple[Any, np.ndarray, np.ndarray]  # time, state and slope
 
 
-def crossed(motion: Motion, trial: Landing, time: Any) -> tuple[Place | None, bool]:
-    """Where the motion is behind the kink, by no more than rounding, or at `time`, with what comes
-    next, where both are one; None where `time` is nearer or no change of sign is near. And whether
-    there is a blow. Raises Failed."""
+def way_across(motion: Motion, trial: Landing, time: Any) -> tuple[Any, Any]:
+    """How far it is from where a step ended to behind the kink, by no more than rounding; or to
+    `time` where that is nearer, and then how far across what comes next is. 0 where no change of
+    sign is near."""
     k = trial.number - 1
     start = kinks(motion, trial.end, trial.z)[k]
     more = 2 * np.finfo(motion.facts.real).eps * max(abs(trial.end), trial.left)
-    if _is_blow(motion, trial):
-        return None, True
     left = time - trial.end
     if abs(left - trial.left) <= 4 * more:
-        return (_gone_on(motion, trial, left, 4 * more) if left > 0 else None), False
+        return max(left, 0.0), 4 * more
     for _ in range(ATTEMPTS):
         h = trial.left + more
         if not trial.end + h < time:
             break
         if start * kinks(motion, trial.end + h, trial.carried(h))[k] < 0:
-            return _gone_on(motion, trial, h, 0.0), False
+            return h, 0.0
         more *= 2
-    return None, False
+    return 0.0, 0.0
 
 
-def _gone_on(motion: Motion, trial: Landing, h: Any, later: Any) -> Place:
+def gone_on(motion: Motion, trial: Landing, h: Any, later: Any) -> Place:
     """By h on, with the slope at that state `later`. Raises Failed."""
     z = trial.carried(h)
     return trial.end + h, z, motion.slope(trial.end + h + later, z)
 
 
-def _is_blow(motion: Motion, trial: Landing) -> bool:
+def is_blow(motion: Motion, trial: Landing) -> bool:
     """Whether what constraints allow jumps at the kink, and rates of the coordinates with it: that
     is a blow, and the quasi-velocities behind it are others. Or positions themselves, to which no
     motion leads."""
@@ -254,14 +258,19 @@ def _root(values: Values, a: Any, b: Any, ga: Any, gb: Any, most: int) -> Any:
 
 
 def _carried_root(motion: Motion, trial: Landing, g: Any, most: Any) -> Any:
-    """How far behind the step the kink is, carried on; `most` where it is no nearer."""
+    """How far behind the step the kink is, carried on; None where it is no nearer than `most`, or
+    by rounding behind that."""
     k = trial.number - 1
 
     def values(h: Any) -> Any:
         return kinks(motion, trial.end + h, trial.carried(h))[k]
 
     last = values(most)
-    return _root(values, 0.0, most, g, last, FINE) if g * last < 0 else most
+    if g * last < 0:
+        return _root(values, 0.0, most, g, last, FINE)
+    eps = np.finfo(motion.facts.real).eps
+    behind = values(most + 4 * eps * max(abs(trial.end + most), most))
+    return most if g * behind < 0 else None
 
 
 def _carried_error(motion: Motion, trial: Landing) -> float:

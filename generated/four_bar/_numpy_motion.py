@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ._events import Buffers, Inside, changes_inside, located
+from ._events import Buffers, Inside, changes_across, changes_inside, located
 from ._inputs import Callback, Pieces
 from ._model_facts import Facts, Method
 from ._runge_kutta import Step, Tableau
@@ -261,13 +261,31 @@ class Motion:
             if buffers.watch.direction[which] * sign < 0:
                 continue
             theta, there, bend = located(inside, which, theta)
-            row = self.row(t + theta * h, there)
-            if self.facts.frame:
-                row = np.concatenate([row, self.state["frame"]])
-            buffers.add(0, t + theta * h, row, which)
+            self._record(t + theta * h, there, which)
             if buffers.watch.stop[which]:
                 return t + theta * h, there, bend
         return None
+
+    def event_across(self, t: Any, h: Any, carried: Callable[[float], np.ndarray]) -> float | None:
+        """The same on the way of h across a kink from t; how far behind t it stops. Raises
+        Failed."""
+        buffers = self.buffers
+        assert buffers is not None
+        for later, which, sign in changes_across(self.events, (t, h), carried, buffers.sign[0]):
+            if buffers.watch.direction[which] * sign < 0:
+                continue
+            self._record(t + later, carried(later), which)
+            if buffers.watch.stop[which]:
+                return later
+        return None
+
+    def _record(self, t: Any, z: np.ndarray, which: int) -> None:
+        """An event into the record."""
+        assert self.buffers is not None
+        row = self.row(t, z)
+        if self.facts.frame:
+            row = np.concatenate([row, self.state["frame"]])
+        self.buffers.add(0, t, row, which)
 
     def _landed_inside(self, step: Step, theta: float) -> tuple[np.ndarray, np.ndarray]:
         """State and slope after a part of the step."""

@@ -16,6 +16,7 @@ from ._simulation import Status
 EIGHTHS, MOST = 8, 64  # as in runtime_events.h
 ROOM = 64  # steps' worth of events that compiled code keeps until they are taken out
 MOST_EVENTS = 100_000  # of one motion
+BISECTIONS = 60  # of a way across a kink: to the last digit
 GOLDEN = 0.3819660112501051
 # NAME_watch of NAME_simulate.h
 EVENTS = np.dtype(
@@ -194,6 +195,28 @@ def changes_inside(step: Inside, sign: np.ndarray, end: np.ndarray) -> Any:
             sign[k] = new
             yield theta, k, new
         sign[:] = signs(g[j], sign)
+
+
+def changes_across(
+    values: Values, way: tuple[float, float], carried: Callable[[float], np.ndarray], sign: Any
+) -> Any:
+    """(how far behind t, function, new sign) of every change on the short way (t, h) that a motion
+    is `carried` across a kink, in the order of time; `sign` goes with it."""
+    t, h = way
+    after = signs(values(t + h, carried(h)), sign)
+    found: list[tuple[float, int, int]] = []
+    for k in np.flatnonzero((sign != 0) & (after != sign)).tolist():
+        a, b = 0.0, h
+        for _ in range(BISECTIONS):
+            c = 0.5 * (a + b)
+            if signs(values(t + c, carried(c)), sign)[k] == after[k]:
+                b = c
+            else:
+                a = c
+        found.append((b, k, int(after[k])))
+    for later, k, new in sorted(found):
+        sign[k] = new
+        yield later, k, new
 
 
 def _changes(

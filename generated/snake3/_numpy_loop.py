@@ -19,7 +19,7 @@ from ._numpy_changes import (
     take_frame,
 )
 from ._numpy_guards import begin, is_passing, looked, passed, remember
-from ._numpy_kinks import Landing, crossed, landing
+from ._numpy_kinks import Landing, gone_on, is_blow, landing, way_across
 from ._numpy_motion import Failed, Motion
 from ._simulation import Status
 
@@ -262,18 +262,28 @@ def _make(motion: Motion, trial: Trial) -> None:
             trial.guards, _ = looked(motion, trial.end, trial.end - t, trial.z)
     else:
         _go_across(motion, trial)
+        if guarded and trial.stops:
+            trial.guards, _ = looked(motion, trial.end, trial.end - t, trial.z)
 
 
 def _go_across(motion: Motion, trial: Trial) -> None:
-    """Behind the kink that the step ends before. Raises Failed."""
+    """Behind the kink that the step ends before, or to an event on the way that stops the motion.
+    Raises Failed."""
     before = trial.landing
     if before is None or not before.number:
         return
     before.z, before.step.stages[-1] = trial.z, trial.slope  # as the enforcement left them
-    behind, trial.blow = crossed(motion, before, trial.goal)
-    if behind is not None:
-        trial.end, trial.z, trial.slope = behind
-        trial.h = trial.end - motion.state["t"]
+    trial.blow = is_blow(motion, before)
+    if trial.blow:
+        return
+    h, later = way_across(motion, before, trial.goal)
+    if not h > 0:
+        return
+    stop = motion.event_across(before.end, h, before.carried) if motion.buffers else None
+    if stop is not None:
+        trial.stops, h, later = True, stop, 0.0
+    trial.end, trial.z, trial.slope = gone_on(motion, before, h, later)
+    trial.h = trial.end - motion.state["t"]
 
 
 def _failed(motion: Motion, trial: Trial, failure: Failed) -> int:

@@ -330,6 +330,47 @@ def test_what_begins_at_a_row_is_no_blow(text: str, tmp_path: Path) -> None:
 NEAR = DRIVEN.format("0 rad", "(2 rad/s)*(max(t - 1 s, 0 s) - max(t - 1.001 s, 0 s))")
 
 
+# m x'' = −k max(x − gap, 0), and from a time on −F too; until then it flies freely on both sides
+CART = """model: cart_and_buffer
+coordinates: {s: m}
+kinetic: 3 kg*der(s)^2/2
+potential: 0 J
+forces: {s: "-2e4 N/m*ramp(s - 0.3 m) + piecewise(t, 0 N, 1 s, -3 N)"}
+events:
+  near: {formula: s - 0.2999 m, direction: rising}
+  touch: {formula: s - 0.3 m, direction: rising}
+  soon: {formula: t - 0.9999 s, direction: rising}
+  back: {formula: s + 0.5 m, direction: falling, stop: true}
+"""
+
+
+@WITH_COMPILER
+@pytest.mark.parametrize("way", ["", "numpy"])
+def test_no_event_is_passed_over_near_a_kink(way: str, tmp_path: Path) -> None:
+    """A step that erred far across one kink was taken to end before another, and carried on over
+    the next one to the end; what lay between the end of a step and its kink was told at the kink."""
+    made = program(equations_of_text(CART), ("dynamics",), ("dopri5", "dop853", "rk4"))
+    module = loader.load(published(made, tmp_path / "cart").folder)
+    v = 0.93
+    returned = 0.3 / v + np.pi * np.sqrt(3 / 2e4)
+    place = 0.3 - v * (1 - returned)
+    wanted = {"near": 0.2999 / v, "touch": 0.3 / v, "soon": 0.9999}
+    wanted["back"] = 1 - v + np.sqrt(v**2 + 2 * (place + 0.5))
+    sizes = [{"integrator": "rk4", "step_size": h} for h in (0.003, 0.0011)]
+    tolerances = np.logspace(-10, -3, 12 if way else 71).tolist()
+    sizes += [
+        {"integrator": name, "rtol": rtol, "atol": rtol / 100}
+        for name in ("dopri5", "dop853")
+        for rtol in tolerances
+    ]
+    for how in sizes:
+        result, _ = motion(module, ([], [0.0, v], 2.0, [0.0, 0.0]), way, **how)
+        for name, time in wanted.items():
+            (found,) = result.events.of(name).t
+            exact = 1e-3 if name == "back" else 1e-12
+            assert found == pytest.approx(time, abs=exact), (how, name)
+
+
 @WITH_COMPILER
 def test_of_two_corners_near_each_other_the_first_is_seen(tmp_path: Path) -> None:
     module = driven(NEAR, tmp_path)

@@ -29,13 +29,14 @@ HELD = 2.5
 LOOKS = (5_000, 50_000)  # steps after which it is looked at
 
 # solution
-VERSION = 2  # of stored solutions: another one is computed anew
+VERSION = 3  # of stored solutions: another one is computed anew
 MORE = 4  # digits carried beyond those asked for
 FIRST_CORRECTIONS = 6  # each gains as many digits as a double holds
 
 # taylor
 FINE = 256  # steps are whole parts of powers of two
 MOST_EXACT_STEPS = 20_000
+LOOKS_FOR_KINKS = 16  # places of a step
 FIRST = Fraction(1, 2**10)  # s, of the first step; it grows eightfold where that is short
 
 # sundials

@@ -270,13 +270,15 @@ def _reference(model: Model, entry: Extreme, time: float) -> Ended:
 
 def _error(model: Model, found: Simulated, wanted: dict[str, float]) -> float:
     """The largest difference, in radians for angles, else relative to the largest value of the same
-    unit at the end. Where an event stops a motion a length may be zero by that: then the start
-    counts, too."""
+    unit at the end. Where an event stops a motion a length or a velocity may be zero by that: then
+    the start counts, too, and such a length in the time that the motion took."""
     units = {item.name: item.unit for item in (*model.coordinates, *model.velocities)}
     scales = {"rad": 1.0}
     for name, value in wanted.items():
         start = found.motion[name][0] if found.stopped_by else 0.0
         scales[units[name]] = max(scales.get(units[name], 0.0), abs(value), abs(start))
+    for unit in [unit for unit in scales if found.stopped_by and f"{unit}/s" in scales]:
+        scales[f"{unit}/s"] = max(scales[f"{unit}/s"], scales[unit] / (_end(found) or 1.0))
     pairs = _turned(model, found, wanted)
     errors = [
         abs(found.final[name] - value) / (scales[units[name]] or 1.0) for name, value in pairs

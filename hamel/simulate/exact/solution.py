@@ -113,6 +113,7 @@ def _computed(problem: Problem, times: Sequence[float], digits: int) -> Solution
         _consistent(problem),
         tuple(map(written, problem.u)),
         tuple(map(written, problem.p)),
+        _kinks(e),
     )
     runs = [
         integrated(flow, times, digits + more, *_effort(digits + more)) for more in (MORE, MORE + 3)
@@ -128,6 +129,12 @@ def _computed(problem: Problem, times: Sequence[float], digits: int) -> Solution
     agreement = _agreement(problem, times[-1], [float(value) for value in runs[1].x[-1]])
     about = (e.system.model.name, e.choice, tuple(names), tuple(times))
     return Solution(*about, values, digits, bound, agreement, runs[1].steps)
+
+
+def _kinks(e: Equations) -> ca.Function | None:
+    """What changes its sign where forces go on to another piece; None where they have one."""
+    known = any(request.name == "kinks" for request in e.requests)
+    return function_of(e, e.request("kinks").function) if known else None
 
 
 def _effort(digits: int) -> tuple[int, int]:

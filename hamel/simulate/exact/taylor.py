@@ -3,7 +3,7 @@ for."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import log2
@@ -13,25 +13,28 @@ import numpy as np
 
 from codegen.runtime.simulation import Simulation, Status, Stopped
 from hamel.simulate.exact.series import Fixed, Graph, Series
-from hamel.simulate.limits import FINE, FIRST, MOST_EXACT_STEPS
+from hamel.simulate.limits import FINE, FIRST, LOOKS_FOR_KINKS, MOST_EXACT_STEPS
 
 GROWTH, SMALLEST = 8.0, 2.0**-200
 
 
 @dataclass(frozen=True)
 class Problem:
-    """ẋ = dynamics(t, x, u, p) from x at t = 0."""
+    """ẋ = dynamics(t, x, u, p) from x at t = 0; `kinks` change their signs where it goes on to
+    another piece."""
 
     dynamics: ca.Function
     x: tuple[Fraction, ...]
     u: tuple[Fraction, ...]
     p: tuple[Fraction, ...]
+    kinks: ca.Function | None = None
 
 
 def integrated(
     problem: Problem, times: Sequence[float], digits: int, order: int, bits: int
 ) -> Simulation:
-    """x at rising `times`, as fractions; the last terms of every step are below 10⁻ᵈⁱᵍⁱᵗˢ.
+    """x at rising `times`, as fractions; the last terms of every step are below 10⁻ᵈⁱᵍⁱᵗˢ. A step
+    ends just behind a kink: every series is one of a single piece.
 
     Raises Stopped where the motion cannot go on, NotAnalytic where there is no series.
     """
@@ -51,6 +54,7 @@ def integrated(
                 why = "a motion that comes to a singular position"
                 raise Stopped(why, _simulation(times, rows, steps, Status.SINGULAR_POSITION))
             length = min(_rounded(min(share, 1.0)) * step, time - now)
+            length = _up_to_kink(problem, fixed, (now, step), series, length)
             state = [_value(fixed, x, length / step) for x in series]
             now, step = now + length, _rounded(min(share, GROWTH)) * step
         rows.append([fixed.fraction(value) for value in state])
@@ -81,6 +85,61 @@ def _terms(
             # over one step s runs from 0 to 1, so dx/ds = h f and xₖ₊₁ = h fₖ/(k + 1)
             entry.terms.append((length * rate[k] >> fixed.bits) // (k + 1))
     return [entry.terms for entry in x]
+
+
+def _up_to_kink(
+    problem: Problem,
+    fixed: Fixed,
+    begin: tuple[Fraction, Fraction],
+    series: Sequence[Sequence[int]],
+    length: Fraction,
+) -> Fraction:
+    """How far a step may go that begins at (now, step): to just behind the first kink on its way.
+    Where the motion begins on one, the first step goes just off it."""
+    kinks = problem.kinks
+    if kinks is None:
+        return length
+    now, step = begin
+    across = Fraction(1, 2 ** (fixed.bits // 2)) * step
+
+    def signs(along: Fraction) -> list[int]:
+        """Of all kinks so far on the step."""
+        place = [Series([_value(fixed, x, along / step)]) for x in series]
+        values = [[fixed.of(x) for x in part] for part in (problem.u, problem.p)]
+        constants = [[Series([x], True) for x in part] for part in values]
+        graph = Graph(kinks, fixed, [[Series([fixed.of(now + along)])], place, *constants])
+        graph.grow(0)
+        return [(x[0] > 0) - (x[0] < 0) for x in graph.outputs[0]]
+
+    before, low = signs(Fraction(0)), Fraction(0)
+    if now == 0 and 0 in before:
+        return min(length, across)
+    for k in range(1, LOOKS_FOR_KINKS + 1):
+        high = length * k / LOOKS_FOR_KINKS
+        after = signs(high)
+        changed = [i for i, (a, b) in enumerate(zip(before, after)) if a * b < 0]
+        if changed:
+            return min(_bisected(signs, (low, high), before, i, across) for i in changed)
+        before, low = [b or a for a, b in zip(before, after)], high
+    return length
+
+
+def _bisected(
+    signs: Callable[[Fraction], list[int]],
+    between: tuple[Fraction, Fraction],
+    before: Sequence[int],
+    i: int,
+    fine: Fraction,
+) -> Fraction:
+    """Where kink i has its new sign, and less than `fine` before that its old one or none."""
+    low, high = between
+    while high - low > fine:
+        middle = (low + high) / 2
+        if signs(middle)[i] * before[i] < 0:
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 def _share(fixed: Fixed, series: Sequence[Sequence[int]], digits: int) -> float:

@@ -13,6 +13,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import casadi as ca
+import mpmath
 import numpy as np
 import pytest
 
@@ -225,6 +226,46 @@ def test_solutions_meet_closed_forms_in_all_their_digits(name: str, time: float)
     assert found.bound < 1e-19 and found.agreement < 1e-12
     for key, value in KNOWN[name, time].items():
         assert abs(found.at(0)[key] - Decimal(value)) <= Decimal(10) ** (5 - len(value)), key
+
+
+# Falls on a spring with g = 10 m/s² and ω = 20/s, and flies up again.
+BOUNCE = """model: bounce
+plane: xy
+bodies: {a: {mass: 2 kg}}
+joints: {A: {type: prismatic, parent: ground, child: a, axis: x, coordinate: x}}
+loads: {g: {type: expression, joint: A, expression: "-20 N + (800 N/m)*ramp(-x)"}}
+initial: {x: START}
+events: {top: {formula: der(x), direction: falling, stop: true}}
+extremes: {top: {about: comes back, time: 5, tolerance: 1e-6}}
+"""
+
+
+@pytest.mark.parametrize(("start", "time"), [("1 m", 1.3), ("0 m", 0.1)])
+def test_solutions_cross_kinks(start: str, time: float, tmp_path: Path) -> None:
+    """By the piece in force at the start of a step, a right motion was called wrong."""
+    path = tmp_path / "bounce.yaml"
+    path.write_text(BOUNCE.replace("START", start))
+    s = system(load(path))
+    e = equations(s)
+    x = tuple(map(float, state_of(e, initial_state(s), np.array(s.parameters))))
+    found = solution(Problem(e, x, (), ()), [time], 25)
+    with mpmath.workdps(50):
+        g, omega, t = mpmath.mpf(10), mpmath.mpf(20), mpmath.mpf(time)
+        wanted = (mpmath.cos(omega * t) - 1) * g / omega**2
+        if start == "1 m":
+            fall = mpmath.sqrt(2 / g)
+            pressed = 2 * (mpmath.pi - mpmath.atan(g * fall * omega / g)) / omega
+            wanted = 1 - g / 2 * (2 * fall + pressed - t) ** 2
+        assert found.bound < 1e-24 and found.steps < 60
+        assert abs(mpmath.mpf(str(found.at(0)["x"])) - wanted) < 1e-25
+
+
+def test_a_velocity_that_an_event_makes_vanish_is_no_measure(tmp_path: Path) -> None:
+    path = tmp_path / "bounce.yaml"
+    path.write_text(BOUNCE.replace("START", "1 m"))
+    model = load(path)
+    row = judged(path, model, model.extremes[0])
+    assert row.outcome == "survived" and row.error is not None and row.error < 1e-11
 
 
 @pytest.mark.slow

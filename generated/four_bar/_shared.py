@@ -8,6 +8,7 @@ import os
 import sys
 import threading
 import warnings
+from functools import partial
 
 import numpy as np
 
@@ -116,8 +117,6 @@ def threaded(function, threads):
     Rows that fail become NaN, and a RuntimeWarning says how many and why, as without threads. Options of the function are handed on.
     Raises ValueError where there is no thread.
     """
-    from concurrent.futures import ThreadPoolExecutor
-
     name = getattr(function, "__name__", None)
     if name not in FUNCTIONS:
         raise TypeError(f"threaded() takes a function of the module, such as dynamics, not {function!r}")
@@ -125,21 +124,24 @@ def threaded(function, threads):
         raise TypeError(f"threaded() takes a number of threads, not {threads!r}")
     if threads < 1:
         raise ValueError(f"threaded() takes one thread or more, not {threads}")
+    return partial(_divided, function, int(threads))
 
-    def divided(t, x, u=None, p=None, out=None, **options):
-        given, lead = prepare(name, t, x, u, p)
-        if not lead or lead[0] < 2 or threads < 2:
-            return function(t, x, u, p, out, **options)
-        target = place(name, lead, out)
-        rows = [np.broadcast_to(value, lead + (value.shape[-1:] if k else ())) for k, value in enumerate(given)]
-        ends = [lead[0] * k // threads for k in range(threads + 1)]
-        with _alone, warnings.catch_warnings(record=True) as log, ThreadPoolExecutor(threads) as pool:
-            warnings.simplefilter("always")
-            parts = list(pool.map(lambda a, b: function(*(row[a:b] for row in rows), target[a:b], **options), ends[:-1], ends[1:]))
-        _tell(log, lambda k: function(*(row[k] for row in rows), **options), name, np.isnan(target).all(axis=tuple(range(len(lead), target.ndim))))
-        return (target, np.concatenate([part[1] for part in parts])) if options.get("error") else target
 
-    return divided
+def _divided(function, threads, t, x, u=None, p=None, out=None, **options):
+    from concurrent.futures import ThreadPoolExecutor
+
+    name = function.__name__
+    given, lead = prepare(name, t, x, u, p)
+    if not lead or lead[0] < 2 or threads < 2:
+        return function(t, x, u, p, out, **options)
+    target = place(name, lead, out)
+    rows = [np.broadcast_to(value, lead + (value.shape[-1:] if k else ())) for k, value in enumerate(given)]
+    ends = [lead[0] * k // threads for k in range(threads + 1)]
+    with _alone, warnings.catch_warnings(record=True) as log, ThreadPoolExecutor(threads) as pool:
+        warnings.simplefilter("always")
+        parts = list(pool.map(lambda a, b: function(*(row[a:b] for row in rows), target[a:b], **options), ends[:-1], ends[1:]))
+    _tell(log, lambda k: function(*(row[k] for row in rows), **options), name, np.isnan(target).all(axis=tuple(range(len(lead), target.ndim))))
+    return (target, np.concatenate([part[1] for part in parts])) if options.get("error") else target
 
 
 def _tell(log, one, name, failed):

@@ -108,6 +108,8 @@ def _shown(course: Course) -> Motion:
     )
     if record.stopped_by:
         told += f"; the event {record.stopped_by} ended the motion"
+    if errors is None:
+        told += "; tighter runs do not come to its end: what accuracy costs is not known"
     return Motion(
         span=course.span,
         plot=record.figure(),
@@ -133,5 +135,6 @@ def objectives(one: Chapter, new: Sequence[str], known: Mapping[str, str]) -> li
         goals.append(f"Use what earlier chapters brought: {', '.join(known)}.")
     if one.motion:
         goals.append("Check the equations against numbers that a generated module computes.")
+    if one.motion and one.motion.errors:
         goals.append("Say what a digit of accuracy costs, and which integrator gives it cheapest.")
     return goals

@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from derive.formulations.frames import based
-from derive.mechanics.records import Row
+from derive.mechanics.records import Row, System
 from derive.model.records import Input
 from derive.textbook.formulas.notation import symbols_of
 from derive.textbook.names import dotted, per_second, symbol, unit
@@ -124,7 +124,7 @@ def _energy(course: Course) -> Iterator[Exercise]:
     largest = float(np.max(np.abs(np.concatenate([T, V]))))
     small = abs(change) <= 1e-8 * max(largest, 1e-300)
     told = "stays the same, but for rounding" if small else f"changes by {_text(change)} J"
-    by = f"; forces without potential did {_text(float(work[-1]))} J of work" if not small else ""
+    by = "" if small else working(course.problem.system, float(work[-1]))
     yield Exercise(
         Markup(
             "Which energies does the mechanism have at the start, and what becomes of {} in {:g} s?"
@@ -133,6 +133,15 @@ def _energy(course: Course) -> Iterator[Exercise]:
             _math("T"), _text(float(T[0])), _math("V"), _text(float(V[0])), told, by
         ),
     )
+
+
+def working(system: System, work: float) -> str:
+    """Who did how much work; nothing where T + V is not what work changes."""
+    if not system.homogeneous:
+        return ""
+    who = [] if system.power.is_zero() else ["forces without potential"]
+    who += [] if system.c.is_zero() else ["constraints that move"]
+    return f"; {' and '.join(who)} did {_text(work)} J of work" if who else ""
 
 
 def _math(latex: str) -> Markup:

@@ -27,6 +27,7 @@ SHOWN = 8  # coordinates of a state that a message quotes
 NOTHING = 1e-9  # in the model's own units
 HARMLESS = 1e6  # a condition that leaves every result its value
 EXCUSED = 1e3  # the checks excuse what a condition costs; below this it is not what makes one fail
+REGULAR = "orthonormal"  # the choice that is regular wherever constraint rows are independent
 ENOUGH = 0.5  # at least this part of the states asked for must be found
 
 
@@ -131,9 +132,11 @@ def _hardest(seen: Evidence, conditions: Sequence[float]) -> str:
 
 def _others(seen: Evidence) -> list[str]:
     """Options for another choice, and for the formulation that inverts [A; B] as a whole."""
-    own = seen.graph.equations
-    choices = [f"--choice {x.name}" for x in seen.system.model.choices if x.name != own.choice]
-    return choices[:3] + ["--formulation maggi"] * (own.formulation != "maggi")
+    own, names = seen.graph.equations, [x.name for x in seen.system.model.choices]
+    choices = [f"--choice {name}" for name in names if name != own.choice][:3]
+    if seen.system.A.size1() and own.choice != REGULAR and REGULAR not in names:
+        choices.append(f"--choice {REGULAR}")
+    return choices + ["--formulation maggi"] * (own.formulation != "maggi")
 
 
 def _without_value(seen: Evidence) -> str:

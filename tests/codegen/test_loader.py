@@ -53,6 +53,8 @@ def test_functions_and_results_go_to_other_processes(tmp_path: Path) -> None:
     module = hamel.load(folder)
     motion = module.simulate((0.0, 1.0), [0.0, 0.0], [6.0])
     assert elsewhere(pickle.dumps((module.dynamics, motion))) == "1.5 [0. 3.]"
+    divided = module.threaded(module.dynamics, 2)
+    assert elsewhere(pickle.dumps((divided, motion))) == "1.5 [0. 3.]"
     assert elsewhere(pickle.dumps((module.simulate, motion)), "type(f).__name__") == "1.5 function"
     built(tmp_path / "a.b", 3, "extension")
     with pytest.raises(AssertionError, match="no longer holds the equations that were loaded"):

@@ -42,7 +42,8 @@ def actuators(reading: Reading, root: Element, known: Tendons, scene: Scene) -> 
             law = law_of(reading, element, scene.settings)
             if law is not None:
                 _transmitted(reading, actuator, law, known, scene)
-            clamped += any(name in actuator.attributes for name in CLAMPS)
+            inherits = scalar(reading, actuator, "inheritrange") > 0.0
+            clamped += inherits or any(name in actuator.attributes for name in CLAMPS)
     of = partial(counted, one="actuator")
     if off:
         scene.robot.assumed.append(f"{of(off)} of groups that are switched off: not read")

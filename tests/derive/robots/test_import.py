@@ -1116,3 +1116,17 @@ def test_sites_with_a_name_are_frames(tmp_path):
     )
     frames = {frame.name: frame.body for frame in imported(file).model.frames}
     assert frames == {"table": "ground", "tool": "arm", "site_arm": "arm", "site_u": "arm"}
+
+
+@pytest.mark.parametrize(
+    "actuator",
+    ["<position joint='j' inheritrange='1' kp='5'/>", "<motor joint='j' ctrlrange='-1 1'/>"],
+)
+def test_ranges_of_actuators_are_left_out_with_a_word(actuator, tmp_path):
+    """Those that come from a joint were left out without."""
+    file = tmp_path / "m.xml"
+    body = "<body><joint name='j' type='hinge' range='-50 50'/><geom size='0.1'/></body>"
+    file.write_text(
+        f"<mujoco><worldbody>{body}</worldbody><actuator>{actuator}</actuator></mujoco>"
+    )
+    assert any("the ranges of 1 actuator" in x for x in imported(file).left_out)

@@ -16,9 +16,10 @@ import hamel
 from codegen import compiler
 from derive.diagnostics import ModelError
 from derive.model import load, load_text
+from derive.states import system
 from hamel.book.chapter import Chapter, Motion, objectives
 from hamel.book.course import course_of
-from hamel.book.exercises import Exercise, number_texts
+from hamel.book.exercises import Exercise, number_texts, working
 from hamel.book.topics import TOPICS, things_of, topic_of
 from hamel.book.writing import CONTENTS, INDEX, PRINT, pages, placed
 from hamel.verbs.book import show
@@ -111,6 +112,43 @@ def test_a_chapter_without_a_motion_says_why() -> None:
     )
     text = pages("Book", alone)["arm.html"]
     assert "it comes to a singular position" in text and "Exercises" not in text
+
+
+def test_only_what_a_chapter_has_is_an_objective() -> None:
+    """Where tighter runs came to no end, it promised what accuracy costs all the same."""
+    (known, unknown) = (
+        replace(BOOK[0].chapter, motion=replace(BOOK[0].chapter.motion, errors=errors))
+        for errors in ("<svg></svg>", "")
+    )
+    assert any("accuracy costs" in goal for goal in objectives(known, (), {}))
+    assert not any("accuracy costs" in goal for goal in objectives(unknown, (), {}))
+
+
+DRIVEN = """
+model: driven
+plane: xy
+gravity: [0, -9.81 m/s^2]
+bodies: {slide: {mass: 1 kg}, bob: {mass: 1 kg, com: [0, -1 m]}}
+joints:
+  s: {type: prismatic, parent: ground, child: slide, axis: x, coordinate: x}
+  h: {type: revolute, parent: slide, child: bob, coordinate: qDAMPED}
+constraints: {shake: {holonomic: "x - (0.1 m)*sin(t*(3 rad/s))"}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("damped", "said"),
+    [
+        ("", "; constraints that move did 2 J of work"),
+        (
+            ", damper: 0.1 N*m*s/rad",
+            "; forces without potential and constraints that move did 2 J of work",
+        ),
+    ],
+)
+def test_who_works_is_said(damped: str, said: str) -> None:
+    s = system(load_text(DRIVEN.replace("DAMPED", damped)))
+    assert working(s, 2.0) == said
 
 
 def test_numbers_of_rounding_are_zero() -> None:

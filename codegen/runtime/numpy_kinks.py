@@ -21,6 +21,7 @@ CLOSE = 1e-3  # share of the way to a kink that a step leaves at first
 CLOSE_FIXED = 0.1  # the same of a step of given size, whose error nobody knows
 NEARER, FARTHER, FARTHEST = 0.1, 8.0, 0.6  # factors of that share, and its limit
 SAFE = 0.01  # error of what is carried on, in units of the tolerance
+FAR = 0.5  # share of a step that is carried on at most: farther, its last slope says nothing
 Values = Callable[[float], Any]
 
 
@@ -92,6 +93,9 @@ def landing(motion: Motion, step: Step, z: np.ndarray, error: float) -> Landing:
             _came_beyond(motion, step, trial, (start, g), search)
         elif _is_near(motion, step, trial, g, search):
             return trial
+        elif trial.number != k + 1:  # another one is nearer
+            k = trial.number - 1
+            start = kinks(motion, step.t, step.y)[k]
     return whole
 
 
@@ -116,12 +120,13 @@ def _is_near(motion: Motion, whole: Step, trial: Landing, g: Any, search: Search
         search.off *= FARTHER
         return not search.off < FARTHEST
     most = (search.beyond - theta) * whole.h
-    left = _carried_root(motion, trial, g, most)
+    left = _carried_root(motion, trial, g, most, trial.number - 1)
     if left is None and search.beyond == 1 and (fixed or not search.error <= 1):
         trial.number = 0  # a step that erred went across one, and nothing else says that there is
         return True  # any: the next step looks again
     trial.left = most if left is None else left
-    if _carried_error(motion, trial) <= SAFE:
+    _take_first_on_the_way(motion, trial)
+    if trial.left <= FAR * trial.step.h and _carried_error(motion, trial) <= SAFE:
         return True
     if search.off > 2 * CLOSE and not fixed:
         trial.number = 0  # as near as it can come without error; the next step looks again
@@ -130,6 +135,24 @@ def _is_near(motion: Motion, whole: Step, trial: Landing, g: Any, search: Search
     search.place = min(theta + float(trial.left / whole.h), 0.5 * (theta + search.beyond))
     search.off *= NEARER
     return False
+
+
+def _take_first_on_the_way(motion: Motion, trial: Landing) -> None:
+    """Where another kink is on the way to the one that a step ended before, and would be gone
+    across, it is that which the step ended before."""
+    masked, own, left = int(motion.state["landed"]) - 1, trial.number - 1, trial.left
+    before, found = kinks(motion, trial.end, trial.z), False
+    for j in range(1, FOURTHS + 1):
+        way = left * (j / FOURTHS)
+        after = kinks(motion, trial.end + way, trial.carried(way))
+        for k in np.flatnonzero(before * after < 0).tolist():
+            if k in (masked, own):
+                continue
+            place = _carried_root(motion, trial, before[k], way, k)
+            if place is not None and place < trial.left:
+                trial.left, trial.number, found = place, k + 1, True
+        if found:
+            return
 
 
 Place = tuple[Any, np.ndarray, np.ndarray]  # time, state and slope
@@ -257,12 +280,12 @@ def _root(values: Values, a: Any, b: Any, ga: Any, gb: Any, most: int) -> Any:
     return b
 
 
-def _carried_root(motion: Motion, trial: Landing, g: Any, most: Any) -> Any:
-    """How far behind the step the kink is, carried on; None where it is no nearer than `most`, or
+def _carried_root(motion: Motion, trial: Landing, g: Any, most: Any, k: int) -> Any:
+    """How far behind the step kink k is, carried on; None where it is no nearer than `most`, or
     by rounding behind that."""
-    k = trial.number - 1
 
     def values(h: Any) -> Any:
+        """Of the kink, so far behind the step."""
         return kinks(motion, trial.end + h, trial.carried(h))[k]
 
     last = values(most)

@@ -291,6 +291,20 @@ static int ordered_changes(Inside *in, int j, double values[EIGHTHS + 1][EVENTS_
     return n;
 }
 
+/* What else happens at the instant of the first of these n changes, which stops the motion at z: no step comes behind that would tell it. */
+static int others_at_once(Inside *in, const Change *all, int n, double t, const double *z)
+{
+    Events *const e = in->r->s->events;
+    int i, status = OK;
+    for (i = 1; i < n && status == OK && all[i].theta - all[0].theta <= 4.0 * DBL_EPSILON; i++) {
+        in->k = all[i].k;
+        e->sign[in->k] = all[i].sign;
+        if (e->t && direction_of(e, in->k) * all[i].sign >= 0)
+            status = recorded(in, t, z);
+    }
+    return status;
+}
+
 /* Looks for events in a step from the state to z that is to be accepted; what it was made of is lost where it `crossed` a singular
    position. Returns EVENT where one of them stops the motion: z, its slope and `end` are then those of the event. */
 static int events_inside(Run *r, const Method *method, double h, int crossed, double *end, double *z, double *next)
@@ -324,7 +338,7 @@ static int events_inside(Run *r, const Method *method, double h, int crossed, do
                 *end = s->t + theta * h;
                 memcpy(z, there, sizeof there);
                 memcpy(next, bend, sizeof bend);
-                return EVENT;
+                return (status = others_at_once(&in, all + i, n - i, *end, z)) == OK ? EVENT : status;
             }
         }
         for (k = 0; k < count_of(e); k++)

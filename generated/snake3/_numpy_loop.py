@@ -248,7 +248,8 @@ def _make(motion: Motion, trial: Trial) -> None:
         if trial.landing.step is not step:
             step, z, error = trial.landing.step, trial.landing.z, trial.landing.error
             trial.h, trial.end = step.h, trial.landing.end
-            trial.last |= trial.landing.number > 0  # what was wanted is the size of the next one
+            # before a kink what was wanted is the size of the next one; else this one says it
+            trial.last = trial.landing.number > 0
     trial.error = 0.0 if state["step_size"] else error
     if not trial.error <= 1:
         return

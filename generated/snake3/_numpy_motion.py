@@ -257,14 +257,23 @@ class Motion:
         dense = step.continuous(self.tableau.dense, self.slope, z, slope)
         land = functools.partial(self._landed_inside, step)
         inside = Inside(t, h, dense, self.events, land)
-        for theta, which, sign in changes_inside(inside, buffers.sign[0], z):
+        last, stop, signs = 1.0, None, buffers.sign[0].copy()
+        for root, which, sign in changes_inside(inside, signs, z):
+            if root - last > 4 * np.finfo(float).eps:  # it comes behind what stops the motion
+                return stop
+            buffers.sign[0, which] = sign
             if buffers.watch.direction[which] * sign < 0:
                 continue
-            theta, there, bend = located(inside, which, theta)
+            if stop is not None:  # no step comes behind that would tell it
+                self._record(stop[0], stop[1], which)
+                continue
+            theta, there, bend = located(inside, which, root)
             self._record(t + theta * h, there, which)
             if buffers.watch.stop[which]:
-                return t + theta * h, there, bend
-        return None
+                last, stop = root, (t + theta * h, there, bend)
+        if stop is None:
+            buffers.sign[0] = signs
+        return stop
 
     def event_across(self, t: Any, h: Any, carried: Callable[[float], np.ndarray]) -> float | None:
         """The same on the way of h across a kink from t; how far behind t it stops. Raises

@@ -22,6 +22,7 @@ static const double CLOSE = 1e-3;      /* share of the way to a kink that a step
 static const double CLOSE_FIXED = 0.1; /* the same of a step of given size, whose error nobody knows */
 static const double NEARER = 0.1, FARTHER = 8.0, FARTHEST = 0.6; /* factors of that share, and its limit */
 static const double SAFE = 0.01;       /* error of what is carried on, in units of the tolerance */
+static const double FAR = 0.5;         /* share of a step that is carried on at most: farther, its last slope says nothing */
 
 /* A step from the state: its size and end, its error in units of the tolerance, how long it is from there to the kink, where it
    arrives, with which slope, and the number of the kink that it ends before, from 1 on, or 0. */
@@ -191,6 +192,31 @@ typedef struct {
     double before, beyond, place, off;
 } Search;
 
+/* Where another kink is on the way to the one that a step ended before, and would be gone across, it is that which the step ended before. */
+static void first_on_the_way(Run *r, int but, Trial *to)
+{
+    double before[KINKS], after[KINKS], z[N];
+    int j, k, found = 0;
+    if (kinks_at(r, to->end, to->z, before) != OK)
+        return;
+    for (j = 1; j <= FOURTHS && !found; j++) {
+        const double left = to->left, way = left * (double)j / FOURTHS;
+        const int own = to->kink;
+        behind(r, to, way, z);
+        if (kinks_at(r, to->end + way, z, after) != OK)
+            return;
+        for (k = 0; k < KINKS; k++)
+            if (k + 1 != but && k + 1 != own && before[k] * after[k] < 0.0) {
+                double place;
+                to->kink = k + 1;
+                place = carried_root(r, to, before[k], way);
+                if (place >= 0.0 && place < to->left)
+                    to->left = place, found = k + 1;
+            }
+        to->kink = found ? found : own;
+    }
+}
+
 /* A step that ended before the kink: whether it will do. If not, the next one is to end nearer, or farther away where it erred: a stage of
    it may have been beyond. */
 static int is_near(Run *r, const Trial *whole, double g, Trial *to, Search *search)
@@ -205,7 +231,8 @@ static int is_near(Run *r, const Trial *whole, double g, Trial *to, Search *sear
         return 1;
     }
     to->left = to->left < 0.0 ? most : to->left;
-    if (carried_error(r, to, to->left) <= SAFE)
+    first_on_the_way(r, r->s->landed, to);
+    if (to->left <= FAR * to->h && carried_error(r, to, to->left) <= SAFE)
         return 1;
     if (search->off > 2.0 * CLOSE && !fixed) {
         to->kink = 0; /* as near as it can come without error; the next step looks again */
@@ -264,6 +291,10 @@ static int before_kink(Run *r, const Method *method, int failed, Trial *to)
             came_beyond(r, &whole, start, g, to, &search);
         else if (is_near(r, &whole, g, to, &search))
             return OK;
+        else if (to->kink != which + 1) { /* another one is nearer */
+            which = to->kink - 1;
+            start = kink_at(r, which, s->t, s->x);
+        }
     }
     *to = whole; /* there was none, or it is not to be reached */
     return method->step(r, method->coefficients, s->t, to->h, s->x, s->slope, to->z, to->next, &to->error);

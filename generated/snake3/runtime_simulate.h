@@ -389,6 +389,7 @@ static int advance(Run *r, const Method *method, double time, double left, doubl
     if (status == OK || fixed) {
         trial.error = error;
         status = before_kink(r, method, status, &trial);
+        last &= trial.kink || trial.h == h; /* one that ends before its time says how long the next may be */
         h = trial.h, end = trial.end, error = fixed ? 0.0 : trial.error;
         last |= trial.kink; /* the size that was wanted is that of the next one, too */
     }

@@ -422,3 +422,27 @@ def test_the_same_polynomials_about_the_middle() -> None:
         [sum(row[i] * x**k for k, row in enumerate(through)) for i in range(2)] for x in (0, *c)
     ]
     assert values == [[0, 0], [1, 0], [0, 1]]
+
+
+@pytest.mark.parametrize("way", ["", "ctypes", "numpy"])
+def test_all_that_happens_at_the_instant_of_a_stop_is_told(spring: ModuleType, way: str) -> None:
+    """What stood behind the stop in the list was told neither there nor by the motion that goes on
+    from there, which begins at zero."""
+
+    def crossing(_: float, x: np.ndarray) -> float:
+        return float(x[0]) - 0.3
+
+    events = {
+        "first": crossing,
+        "ends": spring.Event(crossing, stop=True),
+        "then": crossing,
+        "later": lambda t, x: float(x[0]) - 0.2,
+    }
+    given = ([0.0, 5.0], [1.0, 0.0])
+    call = functools.partial(by, spring, way) if way else spring.simulate
+    result = call(*given, u=[0.0], events=events, **HOW)
+    found = {name: result.events.of(name).t.tolist() for name in events}
+    time = float(np.arccos(0.3))
+    for name in ("first", "ends", "then"):
+        assert found[name] == [pytest.approx(time, abs=1e-9)], name
+    assert found["later"] == []

@@ -371,6 +371,47 @@ def test_no_event_is_passed_over_near_a_kink(way: str, tmp_path: Path) -> None:
             assert found == pytest.approx(time, abs=exact), (how, name)
 
 
+BETWEEN = """model: between_buffers
+coordinates: {s: m}
+kinetic: 3 kg*der(s)^2/2
+potential: 0 J
+parameters: {k: 1e4 N/m, gap: 0.3 m, F: 0 N, t1: 1 s}
+forces: {s: "-k*ramp(s - gap) + k*ramp(-s - gap) + piecewise(t, 0 N, t1, -F)"}
+events: {left: {formula: s + gap, direction: falling}}
+"""
+# p, start, time
+SEVERAL = (
+    ([127.7, 0.16, 300.0, 1.0], [-0.05, 0.18], 1.3),
+    ([13196.34, 0.4508, 0.0, 1.0], [0.4387, -0.94024], 2.1207),
+    ([38590.2, 0.12954, 0.0, 1.0], [-0.04636, -2.01456], 2.03),
+    ([140822.7, 0.33207, 0.0, 0.26748], [-0.24895, 2.17222], 2.4618),
+)
+
+
+@WITH_COMPILER
+@pytest.mark.parametrize("case", SEVERAL)
+def test_no_kink_is_gone_across_to_another(case: Any, tmp_path: Path) -> None:
+    """With few rows steps are long and err across several kinks: cut before one that was named by
+    what they had come to, they were carried on across another, right through a buffer."""
+    p, start, time = case
+    made = program(equations_of_text(BETWEEN), ("dynamics",), ("dopri5", "dop853"))
+    module = loader.load(published(made, tmp_path / "between").folder)
+    exact = {"rtol": 1e-12, "atol": 1e-14}
+    wanted, _ = motion(module, (p, start, time, 0.0), times=np.linspace(0, time, 301), **exact)
+    events = wanted.events.of("left").t
+    for way, name, rtol in [
+        *(("", name, 10.0**-k) for name in ("dopri5", "dop853") for k in range(4, 13)),
+        *(("numpy", "dop853", 10.0**-k) for k in (5, 8)),
+    ]:
+        how = {"integrator": name, "rtol": rtol, "atol": rtol / 100}
+        for rows in (2, 7):
+            times = np.linspace(0, time, rows)
+            found, error = motion(module, (p, start, time, wanted.x[-1]), way, times=times, **how)
+            assert error < 3e2 * rtol + 1e-10, (way, name, rtol, rows)
+            assert found.steps < 4000
+            assert found.events.of("left").t == pytest.approx(events, abs=3e2 * rtol + 1e-10)
+
+
 @WITH_COMPILER
 def test_of_two_corners_near_each_other_the_first_is_seen(tmp_path: Path) -> None:
     module = driven(NEAR, tmp_path)

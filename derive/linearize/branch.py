@@ -60,6 +60,7 @@ def family(found: Problem, origin: Place, p: np.ndarray, s: np.ndarray) -> Stead
     up = range(nearest, len(p))
     broken = {k + 1 for k in _followed(found, p, s, y, down)}
     broken |= {*_followed(found, p, s, y, up)}
+    broken = _filled(found, p, s, y, broken)
     absent = np.flatnonzero(np.isnan(y[:, :1]).any(axis=1)).tolist()
     if problem and len(absent) == len(p):
         raise problem
@@ -144,8 +145,30 @@ def _followed(
         place, leapt = Place(p[before], s[before], y[before]), True
         with suppress(AssumptionError):
             y[k], leapt = _next_row(found, place, (p[k], s[k]))
-        known = not np.isnan(y[[before, k]]).any()
-        broken += [k] if leapt and known else []
+        met = not np.isnan(y[rows[0]]).any() or not np.isnan(y[list(rows[: rows.index(k)])]).all()
+        broken += [k] if leapt and met and not np.isnan(y[k]).any() else []
+    return broken
+
+
+def _filled(
+    found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, broken: set[int]
+) -> set[int]:
+    """Fill rows without a motion from a row behind them that has one: its branch may come there
+    from the other side. The rows on another branch than the one before them, now."""
+    for step in (-1, 1):
+        rows = range(len(p))[::step]
+        for before, k in pairwise(rows):
+            if not np.isnan(y[k]).any() or np.isnan(y[before]).any():
+                continue
+            with suppress(AssumptionError):
+                motion, leapt = _way(found, Place(p[before], s[before], y[before]), (p[k], s[k]))
+                if leapt:
+                    continue
+                y[k] = motion
+                beyond = k + step
+                broken = broken - {max(before, k)}
+                if 0 <= beyond < len(p) and not np.isnan(y[beyond]).any():
+                    broken = broken | {max(k, beyond)}
     return broken
 
 

@@ -18,11 +18,14 @@ from derive.linearize.branch import Place
 from derive.linearize.critical import root
 from derive.linearize.limits import (
     ARC,
+    ARC_DIPS,
     ARC_LEAST,
+    ARC_OFF,
     ARC_ROUNDS,
     ARC_STANDS,
     ARC_STEPS,
     ARC_TURN,
+    LITTLE,
     RANK,
 )
 from derive.linearize.search import row_sizes, shifts_at, slopes_at, with_inputs
@@ -92,8 +95,18 @@ class _Curve:
                 correction = self._split(slopes)[0] @ R
                 z = z - correction
                 if np.max(np.abs(correction)) <= ARC_STANDS * (1 + np.max(np.abs(z))):
-                    return self._at(z, here.tangent, ARC_TURN)
+                    return (
+                        self._at(z, here.tangent, ARC_TURN) if self._smooth(here, step, z) else None
+                    )
         return None
+
+    def _smooth(self, here: _Point, step: float, z: np.ndarray) -> bool:
+        """Whether each unknown came to about where the tangent led: else the way went across a
+        fold, to another part of the curve. t may have turned back."""
+        ahead = here.z + step * here.tangent
+        off, change = np.abs(z - ahead)[:-1], np.abs(z - here.z)[:-1]
+        room = change + LITTLE * np.max(change, initial=0.0)
+        return bool(np.all(off <= ARC_OFF * room + ARC_STANDS * (1 + np.abs(z[:-1]))))
 
     def _at(self, z: np.ndarray, before: np.ndarray, least: float) -> _Point | None:
         """With the tangent that goes on as the one before: of several directions, as along a
@@ -167,10 +180,14 @@ def turn(found: Problem, place: Place, p: np.ndarray, s: np.ndarray) -> Turn | N
     for _ in range(ARC_STEPS):
         if here is None or step < ARC_LEAST or not 0 <= here.t <= 1:
             return None
-        there = curve.point(here, step)
-        if there is None:
+        there, middle = curve.point(here, step), curve.point(here, step / 2)
+        if there is None or middle is None:
             step /= 2
             continue
+        if middle.ahead < ARC_DIPS * min(here.ahead, there.ahead):  # it turns back, and on again
+            there, step = middle, step / 2
+            if middle.ahead > 0:
+                continue
         points.append(here)
         if there.ahead <= 0:
             steps.append(_turning(curve, here, step))

@@ -60,10 +60,12 @@ ROUNDED_AWAY = 1e-5  # in the model's own units: a largest change below this is 
 # fold
 ARC = 0.02  # the first step along a branch, in the model's own units and the way of the values
 ARC_LEAST = 1e-9  # a shorter one is none: the branch ends there
-ARC_STEPS = 300  # at most
+ARC_STEPS = 1_000  # at most
 ARC_ROUNDS = 8  # of Newton's method on the curve: more is no convergence from so near
 ARC_STANDS = 1e-12  # a correction below this is the last
+ARC_DIPS = 0.5  # of τ_t at both ends: with less of it halfway, a step may go across two folds
 ARC_TURN = 0.9  # cosine of what the tangent may turn in a step
+ARC_OFF = 0.2  # of the way: how far from where the tangent leads a point may be
 
 # steady
 STANDS = 1e-15  # a step of the iteration below this, relative to 1 + |y|, is its last

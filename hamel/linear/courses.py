@@ -17,7 +17,7 @@ from derive.linearize.fold import Turn, turn
 from derive.linearize.records import Steady
 from derive.linearize.spectrum import eigenvalues, is_unstable
 from derive.linearize.study import Study
-from hamel.linear.limits import INSIDE
+from hamel.linear.limits import INSIDE, ON_ROW, SAME_PLACE
 from hamel.linear.ranges import Range
 
 
@@ -38,7 +38,8 @@ class Course:
         flags = np.any(is_unstable(self.spectra), axis=1) == grows
         edges = [self._edge(k) for k in range(len(flags) - 1) if flags[k] != flags[k + 1]]
         ends = [*([self.first] if flags[0] else []), *edges, *([self.last] if flags[-1] else [])]
-        return tuple(zip(ends[::2], ends[1::2]))
+        alone = len(flags) == 1
+        return tuple((a, b) for a, b in zip(ends[::2], ends[1::2]) if alone or a != b)
 
     def _edge(self, k: int) -> float:
         """The critical value between two rows at which stability changes."""
@@ -84,27 +85,67 @@ def _course(
     spectra: np.ndarray,
     run: tuple[int, int],
 ) -> Course:
+    """Where the branch turns back the last row is left out if it lies on the fold, or nearly."""
     first, end = run
-    values, spectra = along.values[first:end], spectra[first:end]
-    matrix = _matrix(study, along.name, places[first:end], values, away(spectra))
-    critical = list(critical_values(matrix, values, spectra))
-    edges = [float(values[0]), float(values[-1])]
-    for side, own, beyond in ((0, first, first - 1), (-1, end - 1, end)):
-        if not 0 <= beyond < len(places):
-            continue
-        way = turn(study.problem, places[own], places[beyond].p, places[beyond].s)
+    tails: dict[int, _Tail] = {}
+    for side in (0, -1):
         with suppress(AssumptionError):
-            if way is None:
+            if (found := _turning(study, along, places, (first, end), side)) is None:
                 continue
-            tail = _tail(study, along.name, way, spectra[side])
-            critical += tail.critical
-            edges[side] = study.value(along.name, way.fold)
-            place = 0 if side == 0 else len(values)
-            values = np.insert(values, place, tail.value)
-            spectra = np.insert(spectra, place, tail.spectrum, axis=0)
+            row, way = found
+            tails[side] = _tail(study, along.name, way, spectra[row])
+            first, end = (row, end) if side == 0 else (first, row + 1)
+    values, own = along.values[first:end], spectra[first:end]
+    matrix = _matrix(study, along.name, places[first:end], values, away(own))
+    critical = list(critical_values(matrix, values, own))
+    edges = [float(values[0]), float(values[-1])]
+    for side, tail in tails.items():
+        critical += tail.critical
+        edges[side] = tail.fold
+        place = 0 if side == 0 else len(values)
+        values = np.insert(values, place, tail.value)
+        own = np.insert(own, place, tail.spectrum, axis=0)
     rising = 1 if along.values[-1] >= along.values[0] else -1
-    ordered = sorted(critical, key=lambda c: rising * c.value)
-    return Course(values, spectra, edges[0], edges[1], tuple(ordered))
+    ordered = sorted(_told_once(critical), key=lambda c: rising * c.value)
+    return Course(values, own, edges[0], edges[1], tuple(ordered))
+
+
+def _turning(
+    study: Study, along: Range, places: Sequence[Place], run: tuple[int, int], side: int
+) -> tuple[int, Turn] | None:
+    """The way to where a branch turns back beyond its first or last row, and the row from which it
+    leads there: the one before, where that row is on the fold."""
+    first, end = run
+    own, out = (first, -1) if side == 0 else (end - 1, 1)
+    beyond, inner = own + out, own - out
+    if not 0 <= beyond < len(places):
+        return None
+
+    def way_from(row: int) -> Turn | None:
+        """To the fold, on the way to the row beyond."""
+        return turn(study.problem, places[row], places[beyond].p, places[beyond].s)
+
+    def is_on(way: Turn) -> bool:
+        """Whether the last row is on this fold."""
+        apart = abs(study.value(along.name, way.fold) - along.values[own])
+        return bool(apart <= ON_ROW * abs(along.values[beyond] - along.values[own]))
+
+    way = way_from(own)
+    if (way is None or is_on(way)) and first <= inner < end:
+        other = way_from(inner)
+        if other is not None and is_on(other):
+            return inner, other
+    return None if way is None else (own, way)
+
+
+def _told_once(critical: Sequence[Critical]) -> list[Critical]:
+    """Without the zero eigenvalue of a fold that a row lies on, where rounding makes its sign."""
+    folds = [c.value for c in critical if c.kind == "fold"]
+    return [
+        c
+        for c in critical
+        if c.kind != "zero" or all(abs(c.value - f) > SAME_PLACE * abs(f) for f in folds)
+    ]
 
 
 @dataclass(frozen=True)
@@ -114,6 +155,7 @@ class _Tail:
     value: float
     spectrum: np.ndarray
     critical: list[Critical]
+    fold: float
 
 
 def _tail(study: Study, name: str, way: Turn, spectrum: np.ndarray) -> _Tail:
@@ -127,7 +169,7 @@ def _tail(study: Study, name: str, way: Turn, spectrum: np.ndarray) -> _Tail:
     found = critical_values(matrix, np.array([0.0, INSIDE]), np.vstack([spectrum, inside]))
     critical = [replace(c, value=study.value(name, way.at(c.value))) for c in found]
     critical.append(turning(study.value(name, way.fold), eigenvalues(matrix(1.0)[np.newaxis])[0]))
-    return _Tail(study.value(name, way.at(INSIDE)), inside, critical)
+    return _Tail(study.value(name, way.at(INSIDE)), inside, critical, critical[-1].value)
 
 
 def _motion(study: Study, place: Place) -> Steady:

@@ -16,6 +16,9 @@ REAL = 1e-9  # of its size: a slope with less of an imaginary part is real
 # of the way along a branch from the last row to a fold: eigenvalues are looked at so far on it
 INSIDE = 1 - 1e-6
 
+ON_ROW = 1e-3  # of the way to the row beyond: a fold so near to a row lies on it
+SAME_PLACE = 1e-9  # of a value: what happens so near to a fold is the fold
+
 # words
 SEEN = 0.01  # relative amplitude below which a coordinate is not mentioned
 # of the largest amplitude, in the model's own units: less may be the rounding of a mode

@@ -92,7 +92,8 @@ def stability_map(sweep: Sweep) -> str:
     calm = np.sum(~sweep.grows[there]) / len(sweep.values)
     share = f"{calm:.0%} of the map without a growing mode"
     if sweep.absent:
-        share += f", {len(sweep.absent) / len(sweep.values):.0%} without a steady motion (grey)"
+        none = len(sweep.absent) / len(sweep.values)
+        share = f"{calm:.0%} without a growing mode, {none:.0%} without motion (grey)"
     up, along = (np.unique(sweep.values[:, k]) for k in (0, 1))
     frame = _frame(linear(along.tolist(), tight=True), linear(up.tolist(), tight=True))
     width, height = frame.width / len(along), frame.height / len(up)

@@ -237,6 +237,36 @@ def test_a_range_may_begin_beyond_a_fold(tmp_path: Path) -> None:
     assert found.stable == ((values[0], 1.0),)
 
 
+@pytest.mark.parametrize("e", [0.1, 0.01])
+def test_both_folds_between_two_rows_are_found(e: float, tmp_path: Path) -> None:
+    """s³ − e s = b: a step along the curve went across both, and where a row had been left out its
+    branch came there from the other side."""
+    text = CROSSING.replace("b*s - s^2", f"b + {e}*s - s^3")
+    path = written(tmp_path, text.replace("{b: -1}", "{b: -0.3}"))
+    found = hamel.linearize(path, sweep={"b": "-0.3:0.35:7"})
+    fold = 2 / np.sqrt(27) * e**1.5
+    folds = [c.value for c in found.critical if c.kind == "fold"]
+    assert folds == pytest.approx([fold, -fold], rel=1e-9)
+    assert (found.absent, len(found.breaks)) == ((), 1)
+    assert found.stable == ((-0.3, folds[0]), (folds[1], 0.35))
+
+
+def test_a_fold_on_a_row_is_one(tmp_path: Path) -> None:
+    """s² = 1 − b²: rounding made a change of stability there, and it took a minute."""
+    text = CROSSING.replace("b*s - s^2", "1 - b^2 - s^2").replace("{b: -1}", "{b: 0}")
+    path = written(tmp_path, text.replace("s: -1 rad", "s: START"))
+    for start, stable in (("0.9 rad", True), ("-0.9 rad", False)):
+        path = written(tmp_path, text.replace("s: -1 rad", f"s: {start}"))
+        found = hamel.linearize(path, sweep={"b": "-2:2:9"})
+        folds = [c.value for c in found.critical if c.kind == "fold"]
+        assert folds == pytest.approx([-1.0, 1.0], rel=1e-13)
+        assert not any(c.kind == "zero" for c in found.critical)
+        assert found.absent == (0, 1, 7, 8)
+        ends = [edge for part in (found.stable if stable else found.unstable) for edge in part]
+        assert ends == pytest.approx([-1.0, 1.0], rel=1e-13)
+        assert not (found.unstable if stable else found.stable)
+
+
 def test_a_map_has_places_without_a_motion(tmp_path: Path) -> None:
     path = written(tmp_path, PENDULUM)
     found = hamel.linearize(path, sweep={"tau": "0:12:4", "m": "0.5:2:4"}, out=tmp_path)
@@ -244,7 +274,7 @@ def test_a_map_has_places_without_a_motion(tmp_path: Path) -> None:
         assert (k in found.absent) == (row["tau"] > 9.81 * row["m"])
         assert bool(row["eigenvalues"]) == (k not in found.absent)
     text = (tmp_path / "linearization.html").read_text("utf-8")
-    assert f"{len(found.absent) / 16:.0%} without a steady motion" in text
+    assert f"{len(found.absent) / 16:.0%} without motion (grey)" in text
 
 
 def test_inputs_can_be_given_to_what_is_found_near_the_initial_values(tmp_path: Path) -> None:

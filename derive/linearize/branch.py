@@ -60,7 +60,7 @@ def family(found: Problem, origin: Place, p: np.ndarray, s: np.ndarray) -> Stead
     up = range(nearest, len(p))
     broken = {k + 1 for k in _followed(found, p, s, y, down)}
     broken |= {*_followed(found, p, s, y, up)}
-    broken = _filled(found, p, s, y, broken)
+    broken = _filled(found, (p, s, y), nearest, broken)
     absent = np.flatnonzero(np.isnan(y[:, :1]).any(axis=1)).tolist()
     if problem and len(absent) == len(p):
         raise problem
@@ -145,18 +145,21 @@ def _followed(
         place, leapt = Place(p[before], s[before], y[before]), True
         with suppress(AssumptionError):
             y[k], leapt = _next_row(found, place, (p[k], s[k]))
-        met = not np.isnan(y[rows[0]]).any() or not np.isnan(y[list(rows[: rows.index(k)])]).all()
+        met = not np.isnan(y[list(rows[: rows.index(k)])]).all()
         broken += [k] if leapt and met and not np.isnan(y[k]).any() else []
     return broken
 
 
 def _filled(
-    found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray, broken: set[int]
+    found: Problem,
+    motions: tuple[np.ndarray, np.ndarray, np.ndarray],
+    nearest: int,
+    broken: set[int],
 ) -> set[int]:
-    """Fill rows without a motion from a row behind them that has one: its branch may come there
-    from the other side. The rows on another branch than the one before them, now."""
-    for step in (-1, 1):
-        rows = range(len(p))[::step]
+    """Fill rows without a motion from one further out that has one: its branch may come there from
+    the other side. The rows on another branch than the one before them, now."""
+    p, s, y = motions
+    for rows in (range(len(p) - 1, nearest - 1, -1), range(nearest + 1)):
         for before, k in pairwise(rows):
             if not np.isnan(y[k]).any() or np.isnan(y[before]).any():
                 continue
@@ -165,7 +168,7 @@ def _filled(
                 if leapt:
                     continue
                 y[k] = motion
-                beyond = k + step
+                beyond = 2 * k - before
                 broken = broken - {max(before, k)}
                 if 0 <= beyond < len(p) and not np.isnan(y[beyond]).any():
                     broken = broken | {max(k, beyond)}

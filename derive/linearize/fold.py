@@ -89,7 +89,7 @@ class _Curve:
     def point(self, here: _Point, step: float) -> _Point | None:
         """The point a step further; None where it is not found or the curve turns too far."""
         z = here.z + step * here.tangent
-        with suppress(AssumptionError):
+        with suppress(AssumptionError), np.errstate(all="ignore"):
             for _ in range(ARC_ROUNDS):
                 R, slopes = self.slopes(z)
                 correction = self._split(slopes)[0] @ R

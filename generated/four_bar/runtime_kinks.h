@@ -433,7 +433,7 @@ static int events_across(Run *r, double h, Trial *to)
         e->sign[next] = -e->sign[next];
         if (direction_of(e, next) * e->sign[next] >= 0 && (e->t || stop_of(e, next))) {
             behind(r, to, first[next], z);
-            if (e->t)
+            if (e->t && e->n < e->room) /* there is, but for steps that are full of changes */
                 status = recorded(&in, to->end + first[next], z);
             if (status == OK && stop_of(e, next))
                 return go_on(r, to, first[next], 0.0) == OK ? EVENT : OK;

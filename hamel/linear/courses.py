@@ -51,10 +51,11 @@ class Course:
 
 def spectra_of(study: Study, motions: Steady) -> np.ndarray:
     """N × k; not numbers where there is no motion."""
-    A = study.matrices(motions)
-    there = np.setdiff1d(np.arange(len(A)), motions.absent)
-    spectra = np.full(A.shape[:2], complex(np.nan, np.nan))
-    spectra[there] = eigenvalues(A[there])
+    there = np.setdiff1d(np.arange(len(motions.p)), motions.absent)
+    spectra = np.full((len(motions.p), len(study.reduced)), complex(np.nan, np.nan))
+    if len(there):
+        x, u, p = motions.x[there], motions.u[there], motions.p[there]
+        spectra[there] = eigenvalues(study.matrices(Steady(x, u, p, motions.residual[there])))
     return spectra
 
 

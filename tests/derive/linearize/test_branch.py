@@ -225,6 +225,22 @@ def test_pull_in_is_found_to_the_last_digits(range_: str, tmp_path: Path) -> Non
     assert not found.unstable
 
 
+def test_families_go_with_rows_without_a_motion(tmp_path: Path) -> None:
+    """The pendulum hangs on a slide that may glide at any speed."""
+    text = PENDULUM.replace("{a: {mass", "{slide: {mass: 2 kg}, a: {mass").replace(
+        "joints: {A: {type: revolute, parent: ground",
+        "joints: {S: {type: prismatic, parent: ground, child: slide, axis: x, coordinate: x}, "
+        "A: {type: revolute, parent: slide",
+    )
+    path = written(tmp_path, text)
+    found = hamel.linearize(path, sweep={"tau": "0:12:7"}, out=tmp_path)
+    assert (found.families, found.absent) == (1, (5, 6))
+    (fold,) = (c for c in found.critical if c.kind == "fold")
+    assert fold.value == pytest.approx(9.81, rel=1e-13)
+    both = hamel.linearize(path, sweep={"tau": "0:12:4", "m": "0.5:2:4"})
+    assert both.absent == (8, 12, 13)
+
+
 def test_a_range_may_begin_beyond_a_fold(tmp_path: Path) -> None:
     """x³ − x = b: the branch of x = 1 turns back at b = −2/√27."""
     path = written(

@@ -226,7 +226,7 @@ static int is_near(Run *r, const Trial *whole, double g, Trial *to, Search *sear
     if (!(to->error <= 1.0))
         return !((search->off *= FARTHER) < FARTHEST);
     to->left = carried_root(r, to, g, most);
-    if (to->left < 0.0 && search->beyond == 1.0 && (fixed || whole->error > 1.0)) {
+    if (to->left < 0.0 && search->beyond == 1.0 && !fixed && whole->error > 1.0) {
         to->kink = 0; /* a step that erred went across one, and nothing else says that there is any: the next step looks again */
         return 1;
     }

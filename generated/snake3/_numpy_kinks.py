@@ -121,7 +121,7 @@ def _is_near(motion: Motion, whole: Step, trial: Landing, g: Any, search: Search
         return not search.off < FARTHEST
     most = (search.beyond - theta) * whole.h
     left = _carried_root(motion, trial, g, most, trial.number - 1)
-    if left is None and search.beyond == 1 and (fixed or not search.error <= 1):
+    if left is None and search.beyond == 1 and not (fixed or search.error <= 1):
         trial.number = 0  # a step that erred went across one, and nothing else says that there is
         return True  # any: the next step looks again
     trial.left = most if left is None else left

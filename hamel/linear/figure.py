@@ -121,6 +121,8 @@ def moving(study: Study, mode: Mode) -> str:
         return [view @ x.full() for x in _several(function(q, p))]
 
     rest = seen(q)
+    if not any(np.ptp(line, axis=1).any() for line in rest):
+        return ""  # points alone: nothing of it would be seen
     change = _change(study, mode)
     size = float(np.ptp(np.hstack(rest), axis=1).max()) or 1.0
     swing = SWING * size / (_reach(seen, rest, q, change) or 1.0)

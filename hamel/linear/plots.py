@@ -93,7 +93,7 @@ def stability_map(sweep: Sweep) -> str:
     share = f"{calm:.0%} of the map without a growing mode"
     if sweep.absent:
         none = len(sweep.absent) / len(sweep.values)
-        share = f"{calm:.0%} without a growing mode, {none:.0%} without motion (grey)"
+        share = f"{calm:.0%} no growing mode, {none:.0%} no motion (grey)"
     up, along = (np.unique(sweep.values[:, k]) for k in (0, 1))
     frame = _frame(linear(along.tolist(), tight=True), linear(up.tolist(), tight=True))
     width, height = frame.width / len(along), frame.height / len(up)

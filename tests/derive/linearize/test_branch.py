@@ -290,7 +290,7 @@ def test_a_map_has_places_without_a_motion(tmp_path: Path) -> None:
         assert (k in found.absent) == (row["tau"] > 9.81 * row["m"])
         assert bool(row["eigenvalues"]) == (k not in found.absent)
     text = (tmp_path / "linearization.html").read_text("utf-8")
-    assert f"{len(found.absent) / 16:.0%} without motion (grey)" in text
+    assert f"{len(found.absent) / 16:.0%} no motion (grey)" in text
 
 
 def test_inputs_can_be_given_to_what_is_found_near_the_initial_values(tmp_path: Path) -> None:

@@ -421,7 +421,7 @@ static int events_across(Run *r, double h, Trial *to)
     status = events_at(r, to->end + h, z, g);
     for (in.k = 0; in.k < count_of(e) && status == OK; in.k++) {
         const int before = e->sign[in.k], after = sign_of(g[in.k], before);
-        first[in.k] = before && after != before ? event_behind(r, to, in.k, after, h) : INFINITY;
+        first[in.k] = before && after != before ? event_behind(r, to, in.k, after, h) : (double)INFINITY;
     }
     while (status == OK) {
         int k, next = 0;

@@ -140,12 +140,12 @@ def _followed(
     branch than the one before them."""
     if len(rows) < 2 or _straight(found, p, s, y, rows):
         return []
-    broken: list[int] = []
+    broken, met = list[int](), False
     for before, k in pairwise(rows):
+        met |= not np.isnan(y[before]).any()
         place, leapt = Place(p[before], s[before], y[before]), True
         with suppress(AssumptionError):
             y[k], leapt = _next_row(found, place, (p[k], s[k]))
-        met = not np.isnan(y[list(rows[: rows.index(k)])]).all()
         broken += [k] if leapt and met and not np.isnan(y[k]).any() else []
     return broken
 

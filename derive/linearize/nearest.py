@@ -65,6 +65,11 @@ def _strayed(found: Problem, guess: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.abs(y - guess)[kept] / found.scale[kept]
 
 
+def away(found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray) -> float:
+    """How far the motion y = (x, u) is from the guess, in the model's own units."""
+    return float(np.max(_strayed(found, next(starts(found, p, s)), y), initial=0.0))
+
+
 def moves(
     found: Problem, p: np.ndarray, s: np.ndarray, y: np.ndarray
 ) -> tuple[tuple[str, float, float], ...]:

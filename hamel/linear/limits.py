@@ -28,3 +28,4 @@ SAME = 1e-9  # of an eigenvalue: a smaller part of it is zero
 # ranges
 COUNT = 101  # values of a range that does not say how many
 MOST = 1_000_000  # values in one sweep
+TRIED = 9  # values of a range, where the file's own has no steady motion

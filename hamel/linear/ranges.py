@@ -12,7 +12,7 @@ import numpy as np
 
 from derive.diagnostics import ModelError, did_you_mean, listed
 from derive.expressions.tree import Expression, Name, Number
-from hamel.linear.limits import COUNT, MOST
+from hamel.linear.limits import COUNT, MOST, TRIED
 from hamel.settings import parsed, settings, units
 
 if TYPE_CHECKING:
@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 class Range:
     name: str
     values: np.ndarray
+
+    def beside(self, value: float) -> list[float]:
+        """Some of the values, over all of the range, the nearest to this one first."""
+        picked = np.linspace(0, len(self.values) - 1, min(TRIED, len(self.values))).round()
+        found = self.values[picked.astype(int)]
+        return found[np.argsort(np.abs(found - value), kind="stable")].tolist()
 
 
 def value(model: Model, motion: SteadyMotion, name: str, given: float | str) -> float:

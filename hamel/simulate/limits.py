@@ -36,6 +36,8 @@ FIRST_CORRECTIONS = 6  # each gains as many digits as a double holds
 # taylor
 FINE = 256  # steps are whole parts of powers of two
 MOST_EXACT_STEPS = 20_000
+FORESEEN = 1_000  # steps after which it is looked at how far they come
+TOO_LONG = 1.5  # times too many steps, as long as those so far, are not begun
 LOOKS_FOR_KINKS = 16  # places of a step
 FIRST = Fraction(1, 2**10)  # s, of the first step; it grows eightfold where that is short
 

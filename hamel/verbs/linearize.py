@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -15,21 +16,23 @@ import numpy as np
 
 from derive.diagnostics import AssumptionError, ModelError
 from derive.formulations.frames import based
+from derive.formulations.records import Equations
 from derive.linearize import study
 from derive.linearize.discrete import Discrete
 from derive.linearize.minimal import evaluator
-from derive.linearize.nearest import moves
+from derive.linearize.nearest import away, moves
 from derive.linearize.records import Kink, Steady
 from derive.linearize.sensitivity import Mode, modes
 from derive.linearize.steady import check_still, motion_of, with_free_inputs
 from derive.linearize.study import Study
 from derive.linearize.unreduced import unreduced
+from derive.model.records import SteadyMotion
 from hamel.build.clock import Clock
 from hamel.build.files import write_text
 from hamel.build.stages import equations_of
 from hamel.linear.limits import SAME
 from hamel.linear.page import page
-from hamel.linear.ranges import ranges, started, values
+from hamel.linear.ranges import Range, ranges, started, values
 from hamel.linear.sweep import Sweep, swept
 from hamel.linear.words import branches, course, shape, without
 from hamel.records import CriticalValue, Linearized, ModeOf, UnreducedForm
@@ -77,7 +80,8 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
             for r in wanted
             if r.name in motion.sweepable
         }
-        result = study(equations, motion, middles | values(model, motion, given), options.cyclic)
+        asked = middles | values(model, motion, given)
+        result = _studied(equations, motion, asked, wanted, options.cyclic)
     _warn_of_kinks(result)
     with clock("sweep"):
         outcome = swept(result, wanted)
@@ -92,6 +96,51 @@ def run(path: str | PathLike[str], options: Options, out: str | Path | None) -> 
     with clock("page"):
         write_text(place, page(result, outcome, wanted, record))
     return replace(record, page=place)
+
+
+def _studied(
+    equations: Equations,
+    motion: SteadyMotion,
+    asked: Mapping[str, float],
+    wanted: Sequence[Range],
+    cyclic: Sequence[str] | None,
+) -> Study:
+    """The study at these values. Where they have no steady motion, and nobody gave the value of
+    what is swept, it is at the value of the range whose motion is nearest to the guess, and a
+    warning says so."""
+    try:
+        return study(equations, motion, asked, cyclic)
+    except AssumptionError:
+        own = dict(zip(equations.arguments[3].labels, equations.parameters))
+        found = list[tuple[str, Study]]()
+        for along in wanted:
+            if along.name in asked or along.name not in own:
+                continue
+            for value in along.beside(own[along.name]):
+                with suppress(AssumptionError):
+                    there = {**asked, along.name: value}
+                    found.append((along.name, study(equations, motion, there, cyclic)))
+        if not found:
+            raise
+        return _warned_of_place(*min(found, key=lambda entry: _away(entry[1])))
+
+
+def _away(study: Study) -> float:
+    """How far the motion is from the guess."""
+    place = study.origin
+    return away(study.problem, place.p, place.s, place.y)
+
+
+def _warned_of_place(name: str, study: Study) -> Study:
+    """The file's own value has no steady motion."""
+    model = study.equations.system.model
+    warnings.warn(
+        f"{model.name} has no steady motion '{study.problem.motion.name}' with its own {name}: the "
+        f"linear equations are those at {name} = {study.at[name]:.6g}",
+        RuntimeWarning,
+        stacklevel=4,
+    )
+    return study
 
 
 OF_KINKS = {

@@ -13,7 +13,14 @@ import numpy as np
 
 from codegen.runtime.simulation import Simulation, Status, Stopped
 from hamel.simulate.exact.series import Fixed, Graph, Series
-from hamel.simulate.limits import FINE, FIRST, LOOKS_FOR_KINKS, MOST_EXACT_STEPS
+from hamel.simulate.limits import (
+    FINE,
+    FIRST,
+    FORESEEN,
+    LOOKS_FOR_KINKS,
+    MOST_EXACT_STEPS,
+    TOO_LONG,
+)
 
 GROWTH, SMALLEST = 8.0, 2.0**-200
 
@@ -45,7 +52,7 @@ def integrated(
     for time in map(Fraction, times):
         while now < time:
             steps += 1
-            if steps > MOST_EXACT_STEPS:
+            if steps > MOST_EXACT_STEPS or _too_many(steps, now, times[-1]):
                 why = f"a motion of more than {MOST_EXACT_STEPS} steps"
                 raise Stopped(why, _simulation(times, rows, steps, Status.MORE))
             series = _terms(problem, fixed, now, step, state, order)
@@ -59,6 +66,13 @@ def integrated(
             now, step = now + length, _rounded(min(share, GROWTH)) * step
         rows.append([fixed.fraction(value) for value in state])
     return _simulation(times, rows, steps, Status.OK)
+
+
+def _too_many(steps: int, now: Fraction, end: float) -> bool:
+    """Whether steps as long as those so far are far too many: a stiff motion says so at once."""
+    return steps == FORESEEN and now * MOST_EXACT_STEPS < FORESEEN * Fraction(end) / Fraction(
+        TOO_LONG
+    )
 
 
 def _simulation(

@@ -283,6 +283,21 @@ def test_a_fold_on_a_row_is_one(tmp_path: Path) -> None:
         assert not (found.unstable if stable else found.stable)
 
 
+def test_the_files_own_value_may_have_no_motion(tmp_path: Path) -> None:
+    """12 N m is more than m g l holds up: the equations are those of a row that has a motion."""
+    text = PENDULUM.replace("{m: 1 kg}", "{m: 1 kg, T: 12 N*m}")
+    load = "loads: {push: {type: expression, joint: A, expression: T}}"
+    path = written(tmp_path, text.replace("inputs: {tau: {joint: A}}", load))
+    for values, sweep in (({}, {}), ({"T": 12}, {"T": "0:8:5"})):
+        with pytest.raises(AssumptionError, match="no steady motion"):
+            hamel.linearize(path, values=values, sweep=sweep)
+    with pytest.warns(RuntimeWarning, match="no steady motion 'guess' with its own T: .* at T = 0"):
+        found = hamel.linearize(path, sweep={"T": "0:8:5"})
+    stiffness = [-(row["eigenvalues"][0][1] ** 2) for row in found.rows]
+    exact = [-np.sqrt(9.81**2 - T**2) for T in np.linspace(0, 8, 5)]
+    assert stiffness == pytest.approx(exact, rel=1e-9)
+
+
 def test_a_map_has_places_without_a_motion(tmp_path: Path) -> None:
     path = written(tmp_path, PENDULUM)
     found = hamel.linearize(path, sweep={"tau": "0:12:4", "m": "0.5:2:4"}, out=tmp_path)

@@ -290,6 +290,17 @@ def test_a_series_that_cannot_go_on_has_a_status(monkeypatch: pytest.MonkeyPatch
     assert partial.status is Status.MORE and partial.x.tolist() == [[1]] and partial.t == [0.0]
 
 
+def test_a_motion_of_far_too_many_steps_is_foreseen() -> None:
+    """An oscillation of 16 kHz for 10 s: nobody waits for 20,000 of 200,000 steps."""
+    x, nothing = ca.SX.sym("x", 2), ca.SX(0, 1)
+    rates = ca.vertcat(x[1], -1e10 * x[0])
+    flow = ca.Function("flow", [ca.SX.sym("t"), x, nothing, nothing], [rates])
+    problem = taylor.Problem(flow, (Fraction(1), Fraction(0)), (), ())
+    with pytest.raises(Stopped, match="more than 20000 steps") as caught:
+        taylor.integrated(problem, [10.0], 20, 24, 200)
+    assert caught.value.partial.steps == 1_000
+
+
 def solved(name: str, time: float, digits: int) -> Solution:
     s = system(load(MODELS / f"{name}.yaml"))
     e = equations(s)

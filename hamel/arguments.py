@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
@@ -162,9 +163,19 @@ def number_list(text: str) -> tuple[float, ...]:
         raise click.BadParameter(f"'{text}' is no list of numbers", param_hint="--rtol") from None
 
 
-def name_and_value(text: str, option: str = "--set") -> tuple[str, str]:
+def name_and_value(text: str, option: str) -> tuple[str, str]:
     """Both sides of NAME=VALUE. Raises BadParameter."""
     name, equals, value = text.partition("=")
     if not (name.strip() and equals and value.strip()):
         raise click.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=option)
     return name.strip(), value.strip()
+
+
+def values_by_name(texts: Sequence[str], option: str = "--set") -> dict[str, str]:
+    """Of several NAME=VALUE. Raises BadParameter, also where a name has two values."""
+    pairs = [name_and_value(text, option) for text in texts]
+    counts = Counter(name for name, _ in pairs)
+    twice = next((name for name, count in counts.items() if count > 1), None)
+    if twice:
+        raise click.BadParameter(f"'{twice}' has {counts[twice]} values", param_hint=option)
+    return dict(pairs)

@@ -29,9 +29,9 @@ from hamel.arguments import (
     Listed,
     constant_names,
     model_argument,
-    name_and_value,
     name_list,
     number_list,
+    values_by_name,
 )
 from hamel.command import group, verb
 
@@ -112,7 +112,7 @@ def build(
     **options: Any,
 ) -> Any:
     """Derive, compile and quickly verify a module of MODEL."""
-    values = dict(name_and_value(text, "--fix") for text in name_list(fix))
+    values = values_by_name(name_list(fix), "--fix")
     lists = {
         "functions": name_list(functions) or None,
         "integrators": name_list(integrators),
@@ -262,8 +262,8 @@ def simulate(
     """Integrate MODEL from its consistent initial state."""
     from hamel.progress import bar
 
-    values = dict(name_and_value(text) for text in settings)
-    tables = dict(name_and_value(text, "--input") for text in inputs)
+    values = values_by_name(settings)
+    tables = values_by_name(inputs, "--input")
     with bar(options["time"] - options["start"]) as progress:
         return hamel.simulate(
             model,
@@ -403,7 +403,7 @@ def report(models: Sequence[str], settings: Sequence[str], **options: Any) -> An
     """Compare every method that fits MODEL: error against run time."""
     from hamel.progress import bar
 
-    values = dict(name_and_value(text) for text in settings)
+    values = values_by_name(settings)
     names = {
         kind: name_list(options.pop(kind))
         for kind in ("formulations", "choices", "enforcements", "integrators")
@@ -528,17 +528,15 @@ def sweep(
             f"'{scheduler}' is no engine; known: {KNOWN}", param_hint="--scheduler"
         )
     files = [text for text in vary if "=" not in text]
-    pairs = [name_and_value(text, "--vary") for text in vary if "=" in text]
-    if len({name for name, _ in pairs}) < len(pairs):
-        raise click.BadParameter("a name varies twice", param_hint="--vary")
+    varied = values_by_name([text for text in vary if "=" in text], "--vary")
     with counted("sweeping") as progress:
         return hamel.sweep(
             model,
-            vary=dict(pairs),
+            vary=varied,
             files=files,
             keep=keep or ("state",),
-            values=dict(map(name_and_value, settings)),
-            inputs=dict(name_and_value(text, "--input") for text in inputs),
+            values=values_by_name(settings),
+            inputs=values_by_name(inputs, "--input"),
             progress=progress,
             **options,
         )
@@ -588,7 +586,7 @@ def linearize(
     model: str, sweep: Sequence[str], settings: Sequence[str], cyclic: str | None, **options: Any
 ) -> Any:
     """Linearise MODEL along a steady motion in minimal states, and find its eigenvalues."""
-    ranges = dict(name_and_value(text, "--sweep") for text in sweep)
+    ranges = values_by_name(sweep, "--sweep")
     if len(ranges) < len(sweep):
         raise click.BadParameter("a name is swept twice", param_hint="--sweep")
     left_out = None if cyclic is None else () if cyclic.strip() == "none" else name_list(cyclic)
@@ -597,7 +595,7 @@ def linearize(
     return hamel.linearize(
         model,
         sweep=ranges,
-        values=dict(map(name_and_value, settings)),
+        values=values_by_name(settings),
         cyclic=left_out,
         **options,
     )

@@ -286,6 +286,10 @@ def test_missing_compiler(hamel, tmp_path, monkeypatch):
         ("bild", SNAKE),
         ("verify", SNAKE, "--states", "0"),
         ("simulate", SNAKE, "--time", "nan"),
+        ("simulate", SNAKE, "--set", "x=1", "--set", "x=2"),
+        ("simulate", FOUR_BAR, "--input", "tau=a.csv", "--input", "tau=b.csv"),
+        ("build", FOUR_BAR, "--fix", "tau=1,tau=2"),
+        ("sweep", SNAKE, "--vary", "x=1:2:2", "--vary", "x=3:4:2"),
     ],
 )
 def test_wrong_usage(hamel, arguments):

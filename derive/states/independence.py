@@ -54,15 +54,21 @@ def _others(
 
 
 def share(rows: np.ndarray, kept: Sequence[int], candidates: Sequence[int]) -> float:
-    """The least part, over regular states, that the kept rows have of the independence of all
-    candidates: σ_min of the former over the least σ of the latter that counts. One at best where
-    rows are left out that say nothing, √(r / n) where n rows say the same r times."""
+    """The least part, over regular states, that the kept rows K have of the independence of all
+    candidates E: the least |K d| / |E d| over directions d that E tells of. One at best where rows
+    are left out that say nothing, √(r / n) where n rows say the same r times.
+
+    With E = U Σ Vᵀ, its r = rank largest σ alone, it is σ_min(K V Σ⁻¹). σ_min(K) / σ_r(E) would be
+    no measure: near a position at which all lose rank, that of K may be small by another row.
+    """
     if not kept or not len(rows):
         return 1.0
-    every = np.linalg.svd(rows[:, list(candidates)], compute_uv=False)[:, len(kept) - 1]
-    own = np.linalg.svd(rows[:, list(kept)], compute_uv=False)[:, -1]
-    regular = every > SINGULAR * np.median(every)
-    return float(np.min(own[regular] / np.maximum(every[regular], NONZERO), initial=1.0))
+    _, sizes, Vt = np.linalg.svd(rows[:, list(candidates)], full_matrices=False)
+    sizes, Vt = sizes[:, : len(kept)], Vt[:, : len(kept)]
+    regular = sizes[:, -1] > SINGULAR * np.median(sizes[:, -1])
+    across = (Vt / np.maximum(sizes, NONZERO)[:, :, None])[regular]
+    own = rows[regular][:, list(kept)] @ across.transpose(0, 2, 1)
+    return float(np.min(np.linalg.svd(own, compute_uv=False)[:, -1], initial=1.0))
 
 
 def _first(rows: np.ndarray, candidates: Sequence[int]) -> tuple[int, ...]:

@@ -120,7 +120,7 @@ def _shift(survey: Survey, reduction: Reduction, Y: ca.SX) -> ca.SX | None:
     regular = reduction.constant_pivots and not reduction.guards and reduction.frame is None
     if not kept or survey.combines or set(kept) != set(survey.closing) or not regular:
         return None
-    phi = [system.phi[system.rows[i].position] for i in kept]
+    phi = [system.excess[system.rows[i].position] for i in kept]
     side = [*(-x for x in phi), *([0.0] * len(reduction.names))]
     found = solved(survey, Y, [side], reduction)
     return None if by_reflections(found) else column(found.columns[0])

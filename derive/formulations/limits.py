@@ -51,6 +51,8 @@ LIGHT = 1e-9  # masses and mobilities below this part of the usual say nothing o
 
 # ---- derivatives
 
+BESIDE = 1e-2  # of a coordinate or of one: how far beside the constraints A S = 0 is looked at
+EXACT = 1e-10  # of |A| |S|: what is left of A S is rounding
 UNROLLED = 6_000  # operations of solving for them up to which they are written out, not looped over
 
 # ---- rolled

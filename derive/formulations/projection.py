@@ -87,6 +87,9 @@ def projection(system: System, motion: Motion) -> Function | None:
     By Gauss's principle δ is what v̇ is at rest without forces where A v̇ = −φ: S y + R (−φ) with
     Sᵀ M S y = −Sᵀ M R (−φ). For many velocities it is found so, if R and S are regular everywhere.
 
+    Where bodies are kept from turning the turn itself is undone and not the sine that φ is of it,
+    which vanishes half a turn away, too.
+
     Rows that were dropped take no part in the step, but have to be met by what the others lead to:
     with other parameters they need not repeat them, and the loop does not close.
     """
@@ -99,7 +102,7 @@ def projection(system: System, motion: Motion) -> Function | None:
     turned = _turned(system, positions)
     repeating = [k for k in range(system.phi.numel()) if closing and k not in positions]
     violation = [
-        (system.phi[k] if sizes[k] == 1.0 else system.phi[k] / sizes[k]) / turned
+        (system.assembly[k] if sizes[k] == 1.0 else system.assembly[k] / sizes[k]) / turned
         for k in (*positions, *repeating)
     ]
     violation[len(positions) :] = [REPEATED * x for x in violation[len(positions) :]]
@@ -177,7 +180,7 @@ def _with_unit_quaternions(system: System, q: ca.SX) -> ca.SX:
 def _position_step(system: System, motion: Motion) -> ca.SX:
     closing = list(motion.closing)
     # holonomic rows of A are φ_q N: a step over v that meets A δ = −φ, and q moves by N δ
-    change: Vector = [-system.phi[system.rows[i].position] for i in closing]
+    change: Vector = [-system.excess[system.rows[i].position] for i in closing]
     A, step = system.A[closing, :], _at_rest(system, motion)
     found = [x for x in (step, *_by_loops(motion, change)) if x is not None]
     found += _by_recursion(system, A, change)

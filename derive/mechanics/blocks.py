@@ -40,4 +40,5 @@ def _closure(scene: Scene, closure: Closure) -> Block:
         tuple(x for part in parts for x in part.phi),
         tuple((*way, *rest) for way in parts[0].ways),
         assembly=tuple(x for part in parts for x in part.closing),
+        whole=tuple(x for part in parts for x in part.excess),
     )

@@ -222,6 +222,9 @@ class System:
     Q: ca.SX  # everything applied: springs, dampers, inputs, forces, nonideal constraint forces
     phi: ca.SX
     assembly: ca.SX  # φ by which loops are closed: zero with φ, and only where joints are as given
+    # φ to first order: a step δ over v with φ_q N δ = −excess takes all of a turn away, where a
+    # joint does not let bodies turn
+    excess: ca.SX
     A: ca.SX
     c: ca.SX
     beta: ca.SX

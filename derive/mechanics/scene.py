@@ -189,11 +189,18 @@ class Block:
     nonideal: tuple[ca.SX, ...] = ()  # generalised force per coordinate, conjugate to q̇
     # φ for whoever closes the loop from afar, where φ has solutions that are none of the joint's
     assembly: tuple[ca.SX, ...] = ()
+    # what a step along the slopes of φ has to take away, where that is φ to first order alone
+    whole: tuple[ca.SX, ...] = ()
 
     @property
     def closing(self) -> tuple[ca.SX, ...]:
         """φ as the loop is closed by."""
         return self.assembly or self.phi
+
+    @property
+    def excess(self) -> tuple[ca.SX, ...]:
+        """φ as a step along its slopes takes it away."""
+        return self.whole or self.phi
 
 
 def _vector(column: ca.SX) -> Vector:

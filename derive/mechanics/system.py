@@ -106,6 +106,7 @@ def _assembled(
     A, c, beta = _rows(scene, [row for block in found for row in block.ways[0]])
     phi = _stacked(x for block in found for x in block.phi)
     assembly = _stacked(x for block in found for x in block.closing)
+    excess = _stacked(x for block in found for x in block.excess)
     # q̇ is linear in v, so its Jacobian is N itself
     N = ca.jacobian(scene.qdot, s.v)
     # −∂V/∂q is conjugate to q̇, and q̇ = N v: over v it is −Nᵀ ∂V/∂q
@@ -137,6 +138,7 @@ def _assembled(
         Q=Q,
         phi=phi,
         assembly=assembly,
+        excess=excess,
         A=A,
         c=c,
         beta=beta,

@@ -14,7 +14,7 @@ from math import comb
 import numpy as np
 
 from derive.numerics import NONZERO
-from derive.states.limits import MOST_SETS, POOR, RANK, SINGULAR
+from derive.states.limits import MOST_SETS, POOR, RANK, REGULAR, SINGULAR
 
 
 def independent(
@@ -55,20 +55,26 @@ def _others(
 
 def share(rows: np.ndarray, kept: Sequence[int], candidates: Sequence[int]) -> float:
     """The least part, over regular states, that the kept rows K have of the independence of all
-    candidates E: the least |K d| / |E d| over directions d that E tells of. One at best where rows
-    are left out that say nothing, √(r / n) where n rows say the same r times.
+    candidates E: σ_min(K) over the least σ(E) that counts. One at best where rows are left out that
+    say nothing, √(r / n) where n rows say the same r times.
 
-    With E = U Σ Vᵀ, its r = rank largest σ alone, it is σ_min(K V Σ⁻¹). σ_min(K) / σ_r(E) would be
-    no measure: near a position at which all lose rank, that of K may be small by another row.
+    Far from positions at which all rows lose rank it is the least |K d| / |E d| over directions d
+    that E tells of, which may be less: with E = U Σ Vᵀ it is σ_min(K V Σ⁻¹).
     """
     if not kept or not len(rows):
         return 1.0
     _, sizes, Vt = np.linalg.svd(rows[:, list(candidates)], full_matrices=False)
     sizes, Vt = sizes[:, : len(kept)], Vt[:, : len(kept)]
-    regular = sizes[:, -1] > SINGULAR * np.median(sizes[:, -1])
-    across = (Vt / np.maximum(sizes, NONZERO)[:, :, None])[regular]
-    own = rows[regular][:, list(kept)] @ across.transpose(0, 2, 1)
-    return float(np.min(np.linalg.svd(own, compute_uv=False)[:, -1], initial=1.0))
+    own, every = rows[:, list(kept)], sizes[:, -1]
+    regular, far = (every > part * np.median(every) for part in (SINGULAR, REGULAR))
+    scaled = (Vt / np.maximum(sizes, NONZERO)[:, :, None])[far].transpose(0, 2, 1)
+    shares = _least(own)[regular] / np.maximum(every[regular], NONZERO)
+    return float(np.min([*shares, *_least(own[far] @ scaled)], initial=1.0))
+
+
+def _least(rows: np.ndarray) -> np.ndarray:
+    """σ_min of each."""
+    return np.asarray(np.linalg.svd(rows, compute_uv=False)[:, -1])
 
 
 def _first(rows: np.ndarray, candidates: Sequence[int]) -> tuple[int, ...]:

@@ -22,6 +22,7 @@ NUDGES = (0.0, 1e-3, 0.1)  # rad or own lengths: what a start that does not clos
 POOR = 0.3
 MOST_SETS = 200  # of rows to keep that are all compared
 SINGULAR = 1e-3  # of its usual value the least singular value of all rows: no regular state
+REGULAR = 0.5  # of the same: a state that is far from singular ones
 
 # initial
 AGREES = 1e-9  # relative residual up to which held velocities count as kept

@@ -6,7 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
+import numpy as np
 
+from derive.formulations.limits import BESIDE, EXACT
 from derive.formulations.motion import Minimal, Motion, at_motion
 from derive.formulations.structured.displacements import displacements
 from derive.formulations.structured.factors import (
@@ -22,6 +24,7 @@ from derive.joints.rotations import is_zero, times
 from derive.mechanics.elimination.solve import scalars
 from derive.mechanics.records import Inertia, System
 from derive.mechanics.system import inertial_forces
+from derive.states.closing import nominal
 
 
 def of_reduction(system: System, motion: Motion) -> Iterator[Slopes]:
@@ -29,10 +32,11 @@ def of_reduction(system: System, motion: Motion) -> Iterator[Slopes]:
     second way, differentiated.
 
     Where rows that repeat others are combined, E A v̇ = E β is the rate of E A v = E c on the
-    constraints alone, so that there is no closed form for every choice.
+    constraints alone, so that there is no closed form for every choice. None of them is right where
+    S is of rows in which something was left out that vanishes on the constraints.
     """
     minimal = motion.minimal
-    if minimal is None or not motion.names:
+    if minimal is None or not motion.names or not _is_null_space(system, motion, minimal):
         return
     ways = [_carried, _differentiated]
     if minimal.A.size1() != minimal.lam.numel():
@@ -42,6 +46,20 @@ def of_reduction(system: System, motion: Motion) -> Iterator[Slopes]:
         carried = way(system, motion, minimal)
         for inertias in system.inertias:
             yield _through(system, motion, minimal, carried, inertias)
+
+
+def _is_null_space(system: System, motion: Motion, of: Minimal) -> bool:
+    """Whether A S = 0 beside the constraints, too."""
+    if motion.frame is not None:  # S is a basis at the frame's own place
+        return True
+    product = ca.mtimes(of.A, of.S)
+    sizes = ca.mtimes(ca.fabs(of.A), ca.fabs(of.S))
+    at = ca.Function("AS", [system.t, system.q, system.v, system.p], [product, sizes])
+    rng, q = np.random.default_rng(0), nominal(system)
+    beside = q + BESIDE * rng.uniform(-1, 1, len(q)) * np.maximum(1.0, np.abs(q))
+    v = rng.normal(size=system.v.numel())
+    off, size = (x.full() for x in at(0.3, beside, v, system.parameters))
+    return not np.max(np.abs(off), initial=0.0) > EXACT * np.max(size, initial=0.0)
 
 
 def _multipliers(system: System, motion: Motion, of: Minimal) -> ca.SX:

@@ -125,15 +125,19 @@ def locked(scene: Scene, closure: Closure, pairs: Sequence[tuple[int, int]]) -> 
         2 tan(θ/2) e = 2 vee(R − Rᵀ)/(1 + tr R),   Rᵢⱼ = aᵢ · bⱼ,
 
     which have the same slope where the frames agree, are zero there alone, and are not singular
-    anywhere short of half a turn, where they have no value."""
+    anywhere short of half a turn, where they have no value. A step that is to undo the turn along
+    the slopes of the right angles has to change these by ω · (bⱼ × aᵢ), with ω = −2 sin(θ/2) e."""
     frames = closure_frames(scene.among(closure.bodies), closure)
     first, second = frames.axes
-    below = 1 + sum((ca.dot(a, b) for a, b in zip(first, second)), ca.SX(0))
+    R = [[ca.dot(a, b) for b in second] for a in first]
+    below = 1 + R[0][0] + R[1][1] + R[2][2]
     below = ca.if_else(below > HALF_A_TURN, below, 0)  # what rounding leaves is no number, either
-    assembly = [
-        2 * (ca.dot(first[i], second[j]) - ca.dot(first[j], second[i])) / below for i, j in pairs
-    ]
-    return replace(right_angles(scene, closure, pairs), assembly=tuple(assembly))
+    assembly = [2 * (R[i][j] - R[j][i]) / below for i, j in pairs]
+    turn = ca.vertcat(R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]) / ca.sqrt(below)
+    columns = [ca.vertcat(*[row[j] for row in R]) for j in range(3)]
+    whole = [ca.dot(turn, ca.cross(columns[j], ca.DM.eye(3)[:, i])) for i, j in pairs]
+    block = right_angles(scene, closure, pairs)
+    return replace(block, assembly=tuple(assembly), whole=tuple(whole))
 
 
 def shifts(scene: Scene, closure: Closure, axes: Sequence[int]) -> Block:

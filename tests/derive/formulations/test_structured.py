@@ -25,14 +25,14 @@ from derive.formulations.contraction import contractions
 from derive.formulations.evaluate import slots_of
 from derive.formulations.motion import Motion
 from derive.formulations.records import Equations
-from derive.formulations.structured import tree
+from derive.formulations.structured import reduction, tree
 from derive.mechanics.records import System
 from derive.mechanics.recursions import slopes
 from derive.mechanics.recursions.slopes import Tree
 from derive.mechanics.system import inertial_forces
 from derive.model import load, load_text
 from derive.robots.reading import imported
-from derive.states import sampling, system
+from derive.states import axes, sampling, system
 from tests.scenes import MODELS
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -170,6 +170,19 @@ def test_every_way_where_rows_repeat_others(
     values = all_ways(found, motion)
     assert len(values) >= 2
     agree(found, values)
+
+
+def test_structure_is_of_no_use_where_s_is_of_other_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Along axes that turn rows hold terms that vanish on the constraints, and the elimination
+    leaves these out: by structure ∂ẋ/∂x was off by as much as it is large."""
+    monkeypatch.setattr(axes, "_share", lambda s: float(s.model.closures[0].along == 1))
+    s = system(load_text(PARALLEL_BARS.format(fate="drop")), "all")
+    assert [x.along for x in s.model.closures] == [1, 1]
+    found, motion = derived(s, monkeypatch)
+    assert len(all_ways(found, motion)) == 1
+    monkeypatch.setattr(reduction, "_is_null_space", lambda *_: True)
+    with pytest.raises(AssertionError):
+        agree(found, all_ways(found, motion))
 
 
 def test_a_robot_afloat(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -206,3 +206,42 @@ def test_constraints_that_contradict_each_other_are_named(first, second, when, t
 def test_a_coordinate_may_be_prescribed_twice_alike(tmp_path):
     twice = _read(tmp_path, TWICE.format(first="(2 rad/s)*t", second="(2 rad/s)*t"))
     assert equations(twice, "auto").w == ()
+
+
+WELDED = """
+model: welded
+bodies: {{A: {{mass: 1 kg, inertia: [0.1, 0.2, 0.25]}}, B: {{mass: 2 kg, inertia: 0.1}}}}
+joints:
+  ja: {{type: free, parent: ground, child: A}}
+  jb: {{type: free, parent: ground, child: B}}
+closures: {{c: {{type: {kind}, between: [A, B], at: [[0.5, 0.1, 0], [0, 0, 0.2]]{axis}}}}}
+initial: {{guess: {{jb_x: 0.5 m}}}}
+"""
+
+
+@pytest.mark.parametrize("kind, axis", [("fixed", ""), ("prismatic", ", axis: [1, 2, 2]")])
+def test_projection_undoes_any_turn_up_to_half_a_turn(kind, axis):
+    """The sines of the turn vanish half a turn away, too: from 90° on it was there that `project`
+    went, and from less about some axes."""
+    of = evaluator(equations(system(load_text(WELDED.format(kind=kind, axis=axis)))))
+    rng, x = np.random.default_rng(0), np.zeros(of.equations.arguments[1].symbols.numel())
+    u = p = np.zeros(0)
+    for angle in (30, 60, 85, 90, 95, 120, 150, 170, 179):
+        for _ in range(5):
+            e, a, x[:14] = rng.normal(size=3), rng.normal(size=4), rng.normal(size=14)
+            x[3:7] = a / np.linalg.norm(a)
+            x[10:14] = _product(x[3:7], [np.cos(np.radians(angle) / 2), *_sines(e, angle)])
+            x[7:10] = x[:3] + 0.1 * x[7:10] + _turn_of(x[3:7]) @ [0.5, 0.1, 0]
+            q = of.iterated("project", 0.0, x, u, p)
+            assert np.abs(_turn_of(q[3:7]) - _turn_of(q[10:14])).max() < 1e-9
+    x[:14] = [0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0]
+    assert np.isnan(of.iterated("project", 0.0, x, u, p)).any()
+
+
+def _sines(e, angle):
+    return np.sin(np.radians(angle) / 2) * e / np.linalg.norm(e)
+
+
+def _product(a, b):
+    (w, *e), (W, *E) = a, b
+    return [w * W - np.dot(e, E), *(w * np.array(E) + W * np.array(e) + np.cross(e, E))]

@@ -19,6 +19,10 @@ MOST_POWER, MOST_SI = 9, 99  # of a unit, and of one that is of the SI without a
 SETTLED = 1e-12  # what is nowhere farther than this from 0, 1 or −1 is that number
 TRIED = 20  # random values of the symbols at which that is seen
 
+# roundoff
+ERRORS = 2.0  # times the bound of half an ε for each operation
+FOLDED = 8.0  # ε of the largest number: what is smaller may be what is left of such
+
 
 def too_large(value: float) -> bool:
     """Also of what is no finite number."""

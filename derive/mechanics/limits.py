@@ -4,6 +4,10 @@ else is said."""
 # closures
 HALF_A_TURN = 1e-12  # 1 + tr R up to which two frames are half a turn apart
 
+# silent
+FAINT = 1e-10  # of one and of the largest entry of A: what is below is looked at for rounding
+PLACES = 4  # configurations at which it has to be that
+
 # solve
 SAFE = 0.5  # a pivot whose least value is at least this part of its largest is taken as it is
 BETTER = 3.0  # a larger block has to stay this much farther from zero to be preferred

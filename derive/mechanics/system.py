@@ -43,6 +43,7 @@ from derive.mechanics.recursions.motion import (
 )
 from derive.mechanics.recursions.tree import mass_matrix, path, row_forces
 from derive.mechanics.scene import Block, Scene
+from derive.mechanics.silent import quaternions, silenced, without_rounding
 from derive.mechanics.states import rates_of_states
 from derive.mechanics.symbols import Symbols, symbols
 from derive.model.load_records import Exhaust
@@ -103,7 +104,7 @@ def _assembled(
     inertias = functools.cache(lambda: _inertias(links))
     seen = functools.cache(lambda: layouts(links))
     M = _mass(links, inertias(), nv) + extra.M if written else ca.SX(nv, nv)
-    A, c, beta = _rows(scene, [row for block in found for row in block.ways[0]])
+    found, (A, c, beta) = _told(scene, found)
     phi = _stacked(x for block in found for x in block.phi)
     assembly = _stacked(x for block in found for x in block.closing)
     excess = _stacked(x for block in found for x in block.excess)
@@ -158,7 +159,7 @@ def _assembled(
         blocks=tuple(block.ways for block in found),
         written=written,
         definite=not written or _is_definite(M, s),
-        quaternions=_quaternions(model),
+        quaternions=quaternions(model),
         M_extra=extra.M,
         M_given=extra.given,
         h_extra=extra.h,
@@ -237,6 +238,17 @@ def _column(entries: Sequence[Scalar]) -> ca.SX:
     return ca.vertcat(*entries) if entries else ca.SX(0, 1)
 
 
+def _told(scene: Scene, found: list[Block]) -> tuple[list[Block], tuple[ca.SX, ca.SX, ca.SX]]:
+    """The blocks, and A, c and β, without what rounding left of rows that hold identically."""
+    A, c, beta = _rows(scene, [row for block in found for row in block.ways[0]])
+    cleared = without_rounding(scene, A)
+    if cleared is A:
+        return found, (A, c, beta)
+    kept = silenced(scene, found, cleared)
+    _, c, beta = _rows(scene, [row for block in kept for row in block.ways[0]])
+    return kept, (cleared, c, beta)
+
+
 def _rows(scene: Scene, rows: list[RowForm]) -> tuple[ca.SX, ca.SX, ca.SX]:
     """A, c and β = −(d A/dt) v + dc/dt from the rows, over the generalized velocities."""
     nv, numbers = scene.symbols.v.numel(), scene.numbers if rows else []
@@ -291,16 +303,6 @@ def _nonideal(scene: Scene, found: list[Block]) -> ca.SX:
             # conjugate to q̇: power C · q̇ = C · N v makes it Nᵀ C over v
             force = force + ca.vertcat(*block.nonideal)
     return ca.mtimes(ca.jacobian(scene.qdot, scene.symbols.v).T, force)
-
-
-def _quaternions(model: Model) -> tuple[int, ...]:
-    names = [c.name for c in model.coordinates]
-    kinds = [(joint, joint_type(joint.type, joint.orientation)) for joint in model.joints]
-    return tuple(
-        names.index(joint.coordinates[kind.unit_from])
-        for joint, kind in kinds
-        if kind.unit_from >= 0
-    )
 
 
 def _is_definite(M: ca.SX, s: Symbols) -> bool:

@@ -359,10 +359,10 @@ def _couple(reading: Reading, tree: Tree, result: Robot, name: str, master: str)
     joint, other = tree.made[name], tree.made.get(master)
     mimic = joint.place.first("mimic")
     assert mimic is not None
-    for end in (joint, other):
+    for end, given in ((joint, name), (other, master)):
         if end is not None and end.type not in (*ONE_RATE, "fixed"):
             reading.report(
-                mimic, f"a mimic of the {end.type} joint '{end.name}'", "joints with one coordinate"
+                mimic, f"a mimic of the {end.type} joint '{given}'", "joints with one coordinate"
             )
             return
     multiplier, offset = scalar(reading, mimic, "multiplier", 1.0), scalar(reading, mimic, "offset")

@@ -33,7 +33,7 @@ def wide_entries(widths: Sequence[Sequence[int]]) -> Places:
     """Places of the entries that get a line of their own: too wide ones, then the widest until the
     matrix fits."""
     cells = {(i, j): w for i, row in enumerate(widths) for j, w in enumerate(row)}
-    most = CELL if len(widths[0]) > 1 else COLUMN
+    most = CELL if any(len(row) > 1 for row in widths) else COLUMN
     listed = {place for place, w in cells.items() if w > most}
     for place in sorted(cells, key=lambda place: (-cells[place], place)):
         if _across(widths, listed) <= ROW or cells[place] <= SYMBOL:

@@ -89,12 +89,12 @@ def _silenced(scene: Scene, block: Block, rows: set[int]) -> Block:
 
 
 def _places(scene: Scene) -> list[np.ndarray]:
-    """t, q and p at random, quaternions of length one."""
+    """t, q and p at random, quaternions of length one; parameters that are zero need not stay."""
     s, model, rng = scene.symbols, scene.model, np.random.default_rng(0)
     t = rng.uniform(0.0, 1.0, (PLACES, 1))
     q = rng.uniform(-1.0, 1.0, (PLACES, s.q.numel()))
     q *= [3.0 if c.unit == "rad" else 1.0 for c in model.coordinates] or 1.0
     for i in quaternions(model):
         q[:, i : i + 4] /= np.linalg.norm(q[:, i : i + 4], axis=1, keepdims=True)
-    p = np.array(s.defaults) * (1.0 + 0.2 * rng.uniform(-1.0, 1.0, (PLACES, s.p.numel())))
-    return [t, q, p]
+    usual, change = np.array(s.defaults), rng.uniform(-0.2, 0.2, (PLACES, s.p.numel()))
+    return [t, q, np.where(usual == 0.0, change, usual * (1.0 + change))]

@@ -74,6 +74,18 @@ def test_a_joint_said_twice_ties_nothing(joint: str, closure: str, axis: str) ->
     assert start.v.tolist() == [1.0, 0.0]
 
 
+def test_rows_that_hold_with_some_parameters_alone_are_none_of_them() -> None:
+    """A hinge that may be set off its line: where it is on it, x and z repeat and say nothing."""
+    text = DOOR.format(joint="revolute", closure="revolute", axis="[0, 0, 1]")
+    offset = text.replace("bodies:", "parameters: {e: 0 m}\nbodies:")
+    off_line = offset.replace("[[0.2, 0.1, 0.3], [0, 0, 0]]", "[[0.2 + e, 0.1, 0.3], [e, 0, 0]]")
+    s = system(load_text(off_line))
+    assert not system(load_text(text)).A.nnz() and s.A.nnz() == 2
+    A = ca.Function("A", [s.t, s.q, s.p], [s.A])
+    assert np.abs(A(0, [0.3, 0], [0]).full()).max() == 0.0
+    assert np.abs(A(0, [0.3, 0], [0.1]).full()).max() > 0.02
+
+
 @pytest.mark.parametrize("axis", AXES)
 def test_a_nut_on_its_spindle_is_one_row(axis: str) -> None:
     s = system(load_text(SPINDLE.format(axis=axis)))

@@ -173,7 +173,7 @@ def projected_already(e: Evidence) -> float | None:
 
 def newton_step(e: Evidence) -> float | None:
     """One step of `project` is q − N δ with unit quaternions, δ = W Aᵀ (A W Aᵀ)⁻¹ φ of least length
-    in the metric W⁻¹.
+    in the metric W⁻¹; of turns that are locked φ as the whole turn has it.
 
     The metric is M, or 1 where M is singular.
     """
@@ -193,7 +193,9 @@ def _newton(e: Evidence, by_mass: bool) -> float:
         k = e.kinematics(there)
         metric, unit = _metric(e, there, k, by_mass)
         matrix = saddle(metric, k.A[closing])
-        step, _ = solved(matrix, np.concatenate([np.zeros(len(s.v)), -k.phi[phi]]), redundant=False)
+        step, _ = solved(
+            matrix, np.concatenate([np.zeros(len(s.v)), -k.excess[phi]]), redundant=False
+        )
         ours.append(e.graph("project", s.t, x, s.u, s.p)[: len(s.q)] - x[: len(s.q)])
         wanted.append(normalised(e.system, x[: len(s.q)] + k.N @ step[: len(s.v)]) - x[: len(s.q)])
         conditions.append(condition_of(saddle(metric / unit, k.A[closing] / e.units.A[closing])))

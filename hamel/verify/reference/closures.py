@@ -10,7 +10,7 @@ right angles.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -68,6 +68,9 @@ class Loop:
     def gap(self) -> Jet:
         """p₂ − p₁, from the first joint frame to the second, along the ground's axes."""
         return self.origins[1] - self.origins[0]
+
+
+_Closing = Callable[[Loop], Rows]
 
 
 def closure_rows(closure: Closure, plane: str, place: Layout, state: State) -> Rows:
@@ -133,6 +136,30 @@ def _square(loop: Loop, pairs: Sequence[tuple[int, int]]) -> list[Jet]:
     return [dot(loop.axes[0][i], loop.axes[1][j]) for i, j in pairs]
 
 
+def _locked(points: Callable[[Loop], list[Jet]], in_plane: tuple[int, int]) -> _Closing:
+    """Points and axes at right angles that leave no turn."""
+
+    def rows(loop: Loop) -> Rows:
+        pairs = (in_plane,) if loop.plane else NO_TURN
+        apart = points(loop)
+        found = stays([*apart, *_square(loop, pairs)], loop.place.size)
+        return replace(found, own_excess=np.array([*(x.value for x in apart), *_turn(loop, pairs)]))
+
+    return rows
+
+
+def _turn(loop: Loop, pairs: Sequence[tuple[int, int]]) -> list[float]:
+    """By what bⱼ · aᵢ change, but for the sign, where the second body turns back by 2 sin(θ/2): the
+    turn from a to b as the quaternion (w, e), the eigenvector of its four by four matrix."""
+    first, second = (np.array([axis.value for axis in axes]) for axes in loop.axes)
+    R = first @ second.T
+    odd = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    K = np.block([[np.trace(R), odd], [odd[:, None], R + R.T - np.trace(R) * np.eye(3)]])
+    w, *e = np.linalg.eigh(K)[1][:, -1]
+    back = 2.0 * np.sign(w) * (np.array(e) @ first)
+    return [float(back @ cross(second[j], first[i])) for i, j in pairs]
+
+
 def _positions(*phi: Callable[[Loop], list[Jet]]) -> Callable[[Loop], Rows]:
     return lambda loop: stays([x for part in phi for x in part(loop)], loop.place.size)
 
@@ -170,15 +197,12 @@ def _screw(loop: Loop) -> Rows:
     return stacked([_cylindrical(loop), _advance(loop)], loop.place.size)
 
 
-_ROWS: dict[str, Callable[[Loop], Rows]] = {
+_ROWS: dict[str, _Closing] = {
     "revolute": _positions(_meeting, lambda loop: [] if loop.plane else _parallel(loop)),
     "ball": _positions(_meeting),
     "universal": _positions(_meeting, _cross_angle),
-    "fixed": _positions(_meeting, lambda loop: _square(loop, ((0, 1),) if loop.plane else NO_TURN)),
-    "prismatic": _positions(
-        lambda loop: _across(loop, (0,) if loop.plane else (0, 1)),
-        lambda loop: _square(loop, ((0, 2),) if loop.plane else NO_TURN),
-    ),
+    "fixed": _locked(_meeting, (0, 1)),
+    "prismatic": _locked(lambda loop: _across(loop, (0,) if loop.plane else (0, 1)), (0, 2)),
     "cylindrical": _cylindrical,
     "planar": _positions(lambda loop: _across(loop, (2,)), _parallel),
     "screw": _screw,

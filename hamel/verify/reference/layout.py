@@ -29,6 +29,13 @@ class Rows:
     gamma: Array
     c: Array
     phi: Array
+    own_excess: Array | None = None
+
+    @property
+    def excess(self) -> Array:
+        """What a step along the rows has to take away for all of phi to vanish; phi but for turns
+        that may be large."""
+        return self.phi if self.own_excess is None else self.own_excess
 
 
 @dataclass(frozen=True)
@@ -70,6 +77,7 @@ def stacked(parts: Sequence[Rows], size: int) -> Rows:
         np.concatenate([np.zeros(0), *(part.gamma for part in parts)]),
         np.concatenate([np.zeros(0), *(part.c for part in parts)]),
         np.concatenate([np.zeros(0), *(part.phi for part in parts)]),
+        np.concatenate([np.zeros(0), *(part.excess for part in parts)]),
     )
 
 

@@ -73,6 +73,7 @@ class Kinematics:
     c: Array
     beta: Array
     phi: Array
+    excess: Array  # φ to first order: what a step along the rows has to take away
 
     def violation(self, v: Array) -> Array:
         """A v − c, in the units of each row; zero at admissible states."""
@@ -217,7 +218,9 @@ def kinematics(ref: Reference, s: State) -> Kinematics:
     over_v, over_twists = rows.coefficients[:, :nv], rows.coefficients[:, nv:]
     A, summed = over_v + over_twists @ J, np.abs(over_v) + np.abs(over_twists) @ np.abs(J)
     A[left_over(A, summed)] = 0.0  # what a piece that is rigid by its joints does not forbid again
-    return Kinematics(s.N, J, drift, A, rows.c, rows.gamma - over_twists @ drift, rows.phi)
+    return Kinematics(
+        s.N, J, drift, A, rows.c, rows.gamma - over_twists @ drift, rows.phi, rows.excess
+    )
 
 
 def energies(ref: Reference, s: State) -> Energies:

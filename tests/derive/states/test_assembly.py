@@ -5,6 +5,8 @@ Of derive.states: initial, closing.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -17,6 +19,9 @@ from derive.states import system
 from derive.states.initial import initial_state
 from derive.states.many import starter
 from derive.states.sampling import states
+from hamel.verify.checks.identities import newton_step
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence
 
 PLANE = """
 model: slab
@@ -245,3 +250,13 @@ def _sines(e, angle):
 def _product(a, b):
     (w, *e), (W, *E) = a, b
     return [w * W - np.dot(e, E), *(w * np.array(E) + W * np.array(e) + np.cross(e, E))]
+
+
+@pytest.mark.parametrize("kind, axis", [("fixed", ""), ("prismatic", ", axis: [1, 2, 2]")])
+def test_a_step_of_projection_is_the_reference_s(kind, axis):
+    """Which has the turn from the quaternion of the relative attitude; by φ it is another step."""
+    mechanics = system(load_text(WELDED.format(kind=kind, axis=axis)))
+    seen = evidence(reference(mechanics.model), equations(mechanics), None, 3)
+    assert newton_step(seen) < 1e-10
+    whole = replace(mechanics, excess=mechanics.phi)
+    assert newton_step(evidence(reference(mechanics.model), equations(whole), None, 3)) > 1e-4

@@ -148,7 +148,7 @@ def _violation_error(e: Evidence, s: Sample, q: Array, w: Array) -> float:
     wanted = np.concatenate([k.phi, lengths, k.violation(there.v)])
     size = np.concatenate(
         [
-            np.maximum(1e-2 * e.units.positions + np.abs(k.phi), _reach(e, q)),
+            np.maximum(1e-2 * e.units.positions + np.abs(k.phi), _reach(e, there)),
             1e-2 + np.abs(lengths),
             np.maximum(e.units.rows + np.abs(k.A) @ np.abs(there.v), _products(e, k.A, there.v)),
         ]
@@ -162,10 +162,12 @@ def _products(e: Evidence, A: Array, v: Array) -> float:
     return ROUNDING / TERMS * worst(A * e.units.v) * float(np.abs(v / e.units.v).sum())
 
 
-def _reach(e: Evidence, q: Array) -> float:
-    """The same of φ: the way from where the coordinates are zero."""
+def _reach(e: Evidence, there: State) -> float:
+    """The same of φ: the way from where the coordinates are zero, and from the ground's origin to
+    the bodies."""
     largest = float(np.max(e.units.positions, initial=0.0))
-    return ROUNDING / TERMS * largest * (1.0 + worst(q / e.units.q))
+    far = worst(np.array([frame.origin for frame in there.frames.values()]))
+    return ROUNDING / TERMS * max(largest * (1.0 + worst(there.q / e.units.q)), far)
 
 
 def velocities(e: Evidence) -> float:

@@ -17,6 +17,9 @@ from derive.formulations.evaluate import evaluator
 from derive.model import load_text
 from derive.states import system
 from derive.states.initial import initial_state
+from hamel.verify.checks import QUICK
+from hamel.verify.reference.outcome import reference
+from hamel.verify.suite import evidence, results
 
 AXES = ("[1, 0, 0]", "[0, 0.6, 0.8]", "[1, 2, 3]", "[-0.3, 0.1, 0.7]")
 DOOR = """model: door
@@ -105,6 +108,14 @@ def test_a_four_bar_moves_alike_however_it_is_turned(kind: str) -> None:
         assert float(of.residuals["project"](0.0, moved, *given)) < 1e-12
         motions.append([*of("dynamics", 0.0, x, *given), *moved])
     assert np.abs(np.array(motions) - motions[0]).max() < 1e-11
+
+
+def test_a_linkage_may_stand_far_from_the_ground_s_origin() -> None:
+    """Its gap is the difference of places kilometres away, and is known to their last digits."""
+    text = TILTED.format(rpy="[0.3, 0.4, 0.5]", kind="revolute")
+    s = system(load_text(text.replace("position: [0, 0, 0]", "position: [2000, -5000, 1000]")))
+    seen = evidence(reference(s.model), equations(s), None, 4)
+    assert [check.name for check in results(seen, QUICK) if not check.passed] == []
 
 
 def test_rounding_is_told_from_what_is_small() -> None:

@@ -15,6 +15,7 @@ from derive.formulations.records import Equations
 from derive.model.records import Model
 from hamel.verify.checks import CHECKS, LOADED, QUICK
 from hamel.verify.checks.check import Check
+from hamel.verify.checks.code import refused
 from hamel.verify.checks.evidence import Evidence, evidence
 from hamel.verify.checks.linear import with_linearization
 from hamel.verify.checks.samples import Sample, varied
@@ -73,9 +74,8 @@ def quick_verification(
     seen = evidence(reference(model), equations, None, states, seed)
     terms_agree = (*results(seen, QUICK), *_in_charts(seen, QUICK))
     loaded = _with_expected(seen, functions).loaded(module())
-    return _verdict(
-        seen, states, seed, (*terms_agree, *results(loaded, LOADED), *_in_charts(loaded, LOADED))
-    )
+    checked = (*terms_agree, *results(loaded, LOADED), *_in_charts(loaded, LOADED))
+    return _verdict(loaded, states, seed, checked)
 
 
 def _with_expected(seen: Evidence, functions: Collection[str] | None) -> Evidence:
@@ -115,7 +115,7 @@ def _where(seen: Evidence, results: Sequence[CheckResult]) -> str:
     """A result without a value, where there is one, and the state that is nearest to singular; not
     the latter where it is far from that and says nothing about the former."""
     lost = any(not math.isfinite(result.value) for result in results)
-    missing = _without_value(seen) if lost else ""
+    missing = _without_value(seen) or _refused(seen) if lost else ""
     conditions = seen.own_conditions(seen.graph)
     near = max(conditions, default=0.0) >= (HARMLESS if missing else EXCUSED)
     return "; ".join(part for part in (missing, _hardest(seen, conditions) if near else "") if part)
@@ -152,6 +152,12 @@ def _without_value(seen: Evidence) -> str:
         of = f" of {labels[row]}" if row < len(labels) else ""
         return f"{function.name}{of} has no value at {_position(seen, place)}"
     return ""
+
+
+def _refused(seen: Evidence) -> str:
+    """The function that the module alone has no value of, and where; "" where there is none."""
+    found = refused(seen) if seen.module is not None else None
+    return f"{found[0]} has no value at {_position(seen, found[1])}" if found else ""
 
 
 def _position(seen: Evidence, place: int) -> str:

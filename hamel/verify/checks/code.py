@@ -95,6 +95,18 @@ def batches(e: Evidence) -> float | None:
     return _error(e, "dynamics", dynamics(*rows))
 
 
+def refused(e: Evidence) -> tuple[str, int] | None:
+    """A function of the module that refuses a state at which the graph has a value, and the number
+    of that state."""
+    for name, (wanted, _) in e.expected.items():
+        call = in_chart(e.module, name, e.chart)
+        rows = [e.complete(row) for row in e.rows_of(name)] if call is not None else []
+        for place, (row, like) in enumerate(zip(rows, wanted)):
+            if call is not None and np.isnan(_flat_result(call, like, row)).any():
+                return name, place
+    return None
+
+
 def _against_graph(e: Evidence, module: ModuleType) -> float:
     calls = {name: in_chart(module, name, e.chart) for name in e.expected}
     return worst([_function(e, name, call) for name, call in calls.items() if call is not None])

@@ -5,6 +5,7 @@ Of hamel.verify.checks: algebra, charts, configuration, inverse, motion, samples
 """
 
 import json
+import re
 import sys
 from contextlib import suppress
 from dataclasses import replace
@@ -38,7 +39,7 @@ from hamel.verify.published import INTEGRATOR, published_checks
 from hamel.verify.reference.outcome import reference
 from hamel.verify.reference.saddle import condition_of
 from hamel.verify.stored import stored
-from hamel.verify.suite import evidence
+from hamel.verify.suite import evidence, quick_verification
 from tests.scenes import MODELS
 from tests.texts import ARM, CAR_AXIS, EVERYTHING, PARALLELOGRAM, SURFACE
 
@@ -810,3 +811,21 @@ def test_roundoff_bound_covers_another_order_of_a_sum():
     limit = float(bound([x], ca.densify(forwards), numbers[np.newaxis, :])[0, 0])
     assert one != other
     assert abs(one - other) <= 2 * limit < 20
+
+
+def test_what_the_module_alone_has_no_value_of_is_named():
+    equations_ = equations(system(load(MODELS / "pendulum.yaml")))
+    with temporary_module(equations_) as module:
+
+        class Broken:
+            """The module, but for one function that has no value."""
+
+            def __getattr__(self, name):
+                return getattr(module, name)
+
+            def bias(self, *_):
+                raise FloatingPointError
+
+        found = quick_verification(load(MODELS / "pendulum.yaml"), equations_, Broken, 3)
+    assert not found.passed
+    assert re.search(r"^bias has no value at state 0 \(\w+ = ", found.where)

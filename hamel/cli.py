@@ -587,8 +587,6 @@ def linearize(
 ) -> Any:
     """Linearise MODEL along a steady motion in minimal states, and find its eigenvalues."""
     ranges = values_by_name(sweep, "--sweep")
-    if len(ranges) < len(sweep):
-        raise click.BadParameter("a name is swept twice", param_hint="--sweep")
     left_out = None if cyclic is None else () if cyclic.strip() == "none" else name_list(cyclic)
     if not click.get_current_context().params["as_json"]:
         options["out"] = options["out"] or "."

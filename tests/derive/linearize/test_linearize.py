@@ -557,7 +557,7 @@ def test_mistakes_in_a_steady_motion_are_shown_where_they_are(entry, said, expec
         ),
         (["--sweep", "r=0:0:2"], 2, "singular"),
         (["--step", "-1"], 64, "positive number"),
-        (["--sweep", "r=1:2:3", "--sweep", "r=1:2:3"], 64, "swept twice"),
+        (["--sweep", "r=1:2:3", "--sweep", "r=1:2:3"], 64, "'r' has 2 values"),
     ],
 )
 def test_mistakes_on_the_command_line_are_answered(arguments, code, said, capsys):

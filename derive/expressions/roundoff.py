@@ -7,7 +7,7 @@ its own error, whatever the arguments are, is zero.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
@@ -31,34 +31,36 @@ def vanishing(
 
     def number(value: float) -> Pair:
         """A tiny one may be what is left of larger ones, which cancelled before."""
-        left = FOLDED * epsilon * max(1.0, largest)
-        return np.full(count, value), np.full(
-            count, left / epsilon if abs(value) <= left else abs(value)
-        )
+        left = FOLDED * max(1.0, largest)
+        error = left if abs(value) <= epsilon * left else abs(value)
+        return np.full(count, value), np.full(count, error)
 
     with np.errstate(all="ignore"):
         (found,) = run(program, entry, number, _operation)
         return np.array([bool(np.all(np.abs(x) <= ERRORS * epsilon * e)) for x, e in found])
 
 
+# of a and b, with errors da and db: the value, and its error before it is rounded itself
+OPERATIONS: dict[int, Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], Pair]] = {
+    ca.OP_ADD: lambda a, da, b, db: (a + b, da + db),
+    ca.OP_SUB: lambda a, da, b, db: (a - b, da + db),
+    ca.OP_NEG: lambda a, da, b, db: (-a, da),
+    ca.OP_MUL: lambda a, da, b, db: (a * b, np.abs(a) * db + np.abs(b) * da),
+    ca.OP_SQ: lambda a, da, b, db: (a * a, 2 * np.abs(a) * da),
+    ca.OP_TWICE: lambda a, da, b, db: (2 * a, 2 * da),
+    ca.OP_DIV: lambda a, da, b, db: (a / b, (da + np.abs(a / b) * db) / np.abs(b)),
+    ca.OP_INV: lambda a, da, b, db: (1 / a, da / (a * a)),
+    ca.OP_SQRT: lambda a, da, b, db: (np.sqrt(a), da / np.sqrt(np.abs(a))),
+    ca.OP_SIN: lambda a, da, b, db: (np.sin(a), np.abs(np.cos(a)) * da),
+    ca.OP_COS: lambda a, da, b, db: (np.cos(a), np.abs(np.sin(a)) * da),
+}
+
+
 def _operation(read: Instruction, operands: list[Pair]) -> Pair:
-    """One operation and its error; unbounded where it is none of those that closures are made
-    of: then nothing is told."""
+    """One operation and its error; no number where it is none of those that closures are made of,
+    so that nothing is told."""
     (a, da), (b, db) = operands[0], operands[-1]
-    made = {
-        ca.OP_ADD: lambda: (a + b, da + db),
-        ca.OP_SUB: lambda: (a - b, da + db),
-        ca.OP_NEG: lambda: (-a, da),
-        ca.OP_MUL: lambda: (a * b, np.abs(a) * db + np.abs(b) * da),
-        ca.OP_SQ: lambda: (a * a, 2 * np.abs(a) * da),
-        ca.OP_TWICE: lambda: (2 * a, 2 * da),
-        ca.OP_DIV: lambda: (a / b, (da + np.abs(a / b) * db) / np.abs(b)),
-        ca.OP_INV: lambda: (1 / a, da / (a * a)),
-        ca.OP_SQRT: lambda: (np.sqrt(a), da / np.sqrt(np.abs(a))),
-        ca.OP_SIN: lambda: (np.sin(a), np.abs(np.cos(a)) * da),
-        ca.OP_COS: lambda: (np.cos(a), np.abs(np.sin(a)) * da),
-    }.get(read.code)
-    if made is None:
+    if read.code not in OPERATIONS:
         return np.full_like(a, np.nan), np.zeros_like(a)
-    value, error = made()
+    value, error = OPERATIONS[read.code](a, da, b, db)
     return value, error + np.abs(value)

@@ -13,22 +13,10 @@ import casadi as ca
 import numpy as np
 
 from derive.expressions.roundoff import vanishing
-from derive.joints import joint_type
 from derive.mechanics.limits import FAINT, PLACES
 from derive.mechanics.records import RowForm
 from derive.mechanics.scene import Block, Scene
-from derive.model.records import Model
-
-
-def quaternions(model: Model) -> tuple[int, ...]:
-    """Where in q a unit quaternion starts."""
-    names = [c.name for c in model.coordinates]
-    kinds = [(joint, joint_type(joint.type, joint.orientation)) for joint in model.joints]
-    return tuple(
-        names.index(joint.coordinates[kind.unit_from])
-        for joint, kind in kinds
-        if kind.unit_from >= 0
-    )
+from derive.mechanics.symbols import quaternions
 
 
 def without_rounding(scene: Scene, A: ca.SX) -> ca.SX:
@@ -42,12 +30,13 @@ def without_rounding(scene: Scene, A: ca.SX) -> ca.SX:
     values = ca.Function("A", arguments, [entries]).map(PLACES)
     found = np.abs(values(*(x.T for x in places)).full())
     faint = np.flatnonzero(np.all(found <= FAINT * max(1.0, np.max(found)), axis=1)).tolist()
-    if not faint:
+    nothing = vanishing(entries[faint], arguments, places)
+    zeros = [k for k, is_nothing in zip(faint, nothing) if is_nothing]
+    if not zeros:
         return A
     result, (rows, columns) = ca.SX(A), A.sparsity().get_triplet()
-    for k, is_nothing in zip(faint, vanishing(entries[faint], arguments, places)):
-        if is_nothing:
-            result[rows[k], columns[k]] = 0
+    for k in zeros:
+        result[rows[k], columns[k]] = 0
     return ca.sparsify(result)
 
 
@@ -63,12 +52,12 @@ def silenced(scene: Scene, found: Sequence[Block], A: ca.SX) -> list[Block]:
 
 
 def _silenced(scene: Scene, block: Block, rows: set[int]) -> Block:
+    """Without those of these rows whose φ and value are rounding as well."""
     s, start = scene.symbols, min((r.position for r in block.rows if r.position >= 0), default=0)
     own = [i for i in sorted(rows) if block.rows[i].position >= 0]
-    phi = {i: block.phi[block.rows[i].position - start] for i in own}
-    places = _places(scene)
+    phi = [block.phi[block.rows[i].position - start] for i in own]
     values = [ca.SX(block.ways[0][i].value) for i in own]
-    nothing = vanishing(ca.vertcat(*phi.values(), *values), [s.t, s.q, s.p], places)
+    nothing = vanishing(ca.vertcat(*phi, *values), [s.t, s.q, s.p], _places(scene))
     silent = {i for k, i in enumerate(own) if nothing[k] and nothing[len(own) + k]}
     positions = {block.rows[i].position - start for i in silent}
 

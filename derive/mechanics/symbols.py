@@ -10,6 +10,7 @@ import casadi as ca
 from derive.expressions.evaluate import Functions, casadi_functions, casadi_tables, number, value
 from derive.expressions.scalars import Scalar, Vector
 from derive.expressions.tree import Expression, Name, walk
+from derive.joints import joint_type
 from derive.model.records import Model
 from derive.model.rows import row_names
 
@@ -97,3 +98,14 @@ def define(model: Model, symbols: Symbols) -> None:
 
 def _column(names: list[str]) -> ca.SX:
     return ca.vertcat(*[ca.SX.sym(name) for name in names]) if names else ca.SX(0, 1)
+
+
+def quaternions(model: Model) -> tuple[int, ...]:
+    """Where in q a unit quaternion starts."""
+    names = [c.name for c in model.coordinates]
+    kinds = [(joint, joint_type(joint.type, joint.orientation)) for joint in model.joints]
+    return tuple(
+        names.index(joint.coordinates[kind.unit_from])
+        for joint, kind in kinds
+        if kind.unit_from >= 0
+    )

@@ -43,9 +43,9 @@ from derive.mechanics.recursions.motion import (
 )
 from derive.mechanics.recursions.tree import mass_matrix, path, row_forces
 from derive.mechanics.scene import Block, Scene
-from derive.mechanics.silent import quaternions, silenced, without_rounding
+from derive.mechanics.silent import silenced, without_rounding
 from derive.mechanics.states import rates_of_states
-from derive.mechanics.symbols import Symbols, symbols
+from derive.mechanics.symbols import Symbols, quaternions, symbols
 from derive.model.load_records import Exhaust
 from derive.model.records import Model
 

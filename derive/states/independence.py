@@ -8,6 +8,7 @@ them have full rank.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from math import comb
 
@@ -39,8 +40,9 @@ def _best(
     """Of the sets looked at the one with the largest share, `first` before its equals."""
     sets = [first, *_others(candidates, len(first), before)]
     sets.append(_farthest(rows, candidates, len(first), before))
+    whole = _whole(rows, candidates, len(first))
     # rounded, so that ties go the same way on every machine
-    return max(sets, key=lambda kept: round(share(rows, kept, candidates), 3))
+    return max(sets, key=lambda kept: round(whole.share(rows[:, list(kept)]), 3))
 
 
 def _others(
@@ -63,13 +65,32 @@ def share(rows: np.ndarray, kept: Sequence[int], candidates: Sequence[int]) -> f
     """
     if not kept or not len(rows):
         return 1.0
+    return _whole(rows, candidates, len(kept)).share(rows[:, list(kept)])
+
+
+@dataclass(frozen=True)
+class _Whole:
+    """What all rows say: σ_r of each state, which states are regular and which far from singular
+    ones, and V Σ⁻¹ of the latter."""
+
+    every: np.ndarray
+    regular: np.ndarray
+    far: np.ndarray
+    scaled: np.ndarray
+
+    def share(self, own: np.ndarray) -> float:
+        """That of some rows, as many as the rank."""
+        least = _least(own)[self.regular] / np.maximum(self.every[self.regular], NONZERO)
+        return float(np.min([*least, *_least(own[self.far] @ self.scaled)], initial=1.0))
+
+
+def _whole(rows: np.ndarray, candidates: Sequence[int], rank: int) -> _Whole:
     _, sizes, Vt = np.linalg.svd(rows[:, list(candidates)], full_matrices=False)
-    sizes, Vt = sizes[:, : len(kept)], Vt[:, : len(kept)]
-    own, every = rows[:, list(kept)], sizes[:, -1]
+    sizes, Vt = sizes[:, :rank], Vt[:, :rank]
+    every = sizes[:, -1]
     regular, far = (every > part * np.median(every) for part in (SINGULAR, REGULAR))
     scaled = (Vt / np.maximum(sizes, NONZERO)[:, :, None])[far].transpose(0, 2, 1)
-    shares = _least(own)[regular] / np.maximum(every[regular], NONZERO)
-    return float(np.min([*shares, *_least(own[far] @ scaled)], initial=1.0))
+    return _Whole(every, regular, far, scaled)
 
 
 def _least(rows: np.ndarray) -> np.ndarray:
